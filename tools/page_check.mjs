@@ -413,6 +413,13 @@ test("what another firmware does not have goes out of the table", async () => {
   assert.deepEqual([rows(1).length, servos.hidden], [1, false]);
 });
 
+test("commands of the tool are said as the page's buttons", async () => {
+  await show({ can_arm: false, refusal: "run tvc calibrate polarity first" });
+  assert.equal(at("arming").textContent, "Cannot be armed: press Check polarity first");
+  await come({ now_ms: 7000, frame, texts: [{ id: 900, time_s: 1, severity: 4, text: "arm refused: run tvc calibrate polarity first" }] });
+  assert.equal(at("texts").children.at(-1).children[1].textContent, "arm refused: press Check polarity first");
+});
+
 test("a gain that another control law does not use goes to a closed group", async () => {
   const unused = { ...row, group: "Not used by law 0" };
   await come({ now_ms: 7018, frame, parameters: [unused, other] });
@@ -641,4 +648,19 @@ test("sections with a heading open and close, and on a small screen most begin c
   assert.deepEqual([closed(), button["aria-expanded"]], [[false, true, false], "false"]);
   await button.fire("click");
   assert.deepEqual([closed(), button["aria-expanded"]], [[false, false, false], "true"]);
+});
+
+test("charts are shaded where the estimate begins anew", async () => {
+  const anew = (time, settling) => come({ now_ms: 7000, frame: { ...frame, time_s: time, count: time, settling } });
+  for (const [time, settling] of [[200, false], [201, true], [202, true], [203, false], [204, false]]) await anew(time, settling);
+  assert.equal(at("settling").hidden, false);
+  draw(90_000);
+  const [plot] = strips();
+  const filled = [];
+  const ctx = { save() {}, restore() {}, fillRect: (...box) => filled.push(box) };
+  Object.assign(plot, { ctx, bbox: { top: 5, height: 50 }, valToPos: (value) => 10 * value });
+  plot.options.hooks.drawClear[0](plot);
+  assert.deepEqual(filled, [[2010, 5, 20, 50]]);
+  await anew(290, false);
+  assert.equal(at("settling").hidden, true, "it is out of sight");
 });

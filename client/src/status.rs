@@ -206,6 +206,11 @@ pub fn sick(status: &SYS_STATUS_DATA) -> MavSysStatusSensor {
         .difference(MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK)
 }
 
+/// Whether the vehicle says that its attitude has not settled, or is not estimated.
+pub fn is_unsettled(status: &SYS_STATUS_DATA) -> bool {
+    sick(status).contains(MavSysStatusSensor::MAV_SYS_STATUS_AHRS)
+}
+
 /// Roll, pitch and yaw of `[w, x, y, z]`, body to earth, rad.
 pub fn angles([w, x, y, z]: [f64; 4]) -> [f64; 3] {
     [

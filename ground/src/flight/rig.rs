@@ -274,8 +274,8 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
         .run(longest, stop, &mut report, &mut plugged)
         .context("the rig")?;
     eprintln!(
-        "ran for {:.1} s: {} control steps, control jitter at most {:.1} us",
-        summary.seconds, summary.steps, summary.jitter_us_max
+        "ran for {:.1} s: {} control steps",
+        summary.seconds, summary.steps
     );
     if summary.lost_s > 0.0 {
         eprintln!(

@@ -535,10 +535,9 @@ mod tests {
 
     #[test]
     fn the_text_has_tables_lines_and_notes() {
-        let expected = " start, rad  settling, s
-                (at most
-                   0.75)
- 0.40              0.600
+        let expected = " start, rad     settling, s
+             (at most 0.75)
+ 0.40                 0.600
 
                measured  required
  jitter        3.0 us    below 100

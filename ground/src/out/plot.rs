@@ -35,6 +35,8 @@ pub struct Plot<'a> {
     pub lines: Vec<Line<'a>>,
     /// A shaded band `(low, high)` of y, such as the settling band.
     pub band: Option<(f64, f64)>,
+    /// Shaded stretches `(from, to)` of x.
+    pub stretches: Vec<(f64, f64)>,
 }
 
 impl<'a> Line<'a> {
@@ -107,7 +109,14 @@ impl<'a> Plot<'a> {
             y,
             lines,
             band: None,
+            stretches: Vec::new(),
         }
+    }
+
+    /// With shaded stretches of x.
+    pub fn with_stretches(mut self, stretches: Vec<(f64, f64)>) -> Self {
+        self.stretches = stretches;
+        self
     }
 
     /// With a shaded band of y.
@@ -170,6 +179,11 @@ impl<'a> Plot<'a> {
                 RGBColor(20, 130, 80).mix(0.15).filled(),
             )])?;
         }
+        let shade = RGBColor(110, 110, 110).mix(0.2).filled();
+        chart.draw_series(self.stretches.iter().map(|(from, to)| {
+            let [from, to] = [from, to].map(|at| at.clamp(x.start, x.end));
+            Rectangle::new([(from, y.start), (to, y.end)], shade)
+        }))?;
         let inside = |&(px, py): &(f64, f64)| {
             (x.start..=x.end).contains(&px) && (y.start..=y.end).contains(&py)
         };
@@ -305,6 +319,7 @@ mod tests {
             y: "pitch, deg",
             lines,
             band: None,
+            stretches: vec![(0.2, 0.4), (-1.0, f64::INFINITY)],
         }
     }
 

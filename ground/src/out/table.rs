@@ -5,7 +5,7 @@ use comfy_table::{CellAlignment, Table as Terminal};
 use maud::{Markup, html};
 
 /// Width of a head's lines on a terminal, where its words are not longer.
-const HEAD_WIDTH: usize = 12;
+const HEAD_WIDTH: usize = 15;
 
 /// A table of texts; the first column names the row.
 #[derive(Debug, Default)]
@@ -68,18 +68,24 @@ impl Table {
 }
 
 /// A head in lines of at most [`HEAD_WIDTH`], where its words allow it: heads that say unit and
-/// limit are wider than their columns.
+/// limit are wider than their columns. What stands in brackets begins a line unless all of it fits.
 fn wrapped(head: &str) -> String {
     let mut lines = String::new();
     let mut width = 0;
-    for word in head.split(' ') {
+    let mut rest = head;
+    while let Some(word) = rest.split(' ').next().filter(|_| !rest.is_empty()) {
+        let whole = match word.starts_with('(') {
+            true => rest.find(')').map_or(rest.len(), |end| end + 1),
+            false => word.len(),
+        };
         if width > 0 {
-            let fits = width + 1 + word.len() <= HEAD_WIDTH;
+            let fits = width + 1 + whole <= HEAD_WIDTH;
             lines.push(if fits { ' ' } else { '\n' });
             width = if fits { width + 1 } else { 0 };
         }
         lines.push_str(word);
         width += word.len();
+        rest = rest[word.len()..].trim_start();
     }
     lines
 }
@@ -93,7 +99,7 @@ mod tests {
         assert_eq!(wrapped("settling, s"), "settling, s");
         assert_eq!(
             wrapped("latency, us (at most 8000)"),
-            "latency, us\n(at most\n8000)"
+            "latency, us\n(at most 8000)"
         );
         assert_eq!(wrapped("incomprehensible"), "incomprehensible");
     }

@@ -313,25 +313,30 @@ fn is_worth_waiting(refusal: &Error) -> bool {
     failure.and_then(Failure::refusal) != Some(RefusalKind::Polarity)
 }
 
-/// Repeats the order to arm until the vehicle obeys; `wait` is called meanwhile, with its last
-/// refusal.
+/// Arms the vehicle as soon as it says that it may be armed, to which no word of refusal is told;
+/// `wait` is called meanwhile, with why it may not.
 ///
 /// # Errors
-/// The vehicle's last refusal, after [`ARM_PATIENCE`] or where waiting does not help.
+/// The vehicle's refusal, after [`ARM_PATIENCE`] or where waiting does not help.
 pub fn arm(vehicle: &mut Vehicle, wait: &mut dyn FnMut(&str)) -> Result<()> {
     let begun = Instant::now();
-    while let Err(refusal) = vehicle.command(request::ARM) {
-        if begun.elapsed() > ARM_PATIENCE || !is_worth_waiting(&refusal) {
-            return Err(refusal);
-        }
-        let why = refusal.to_string();
-        let again = Instant::now() + ARM_RETRY;
+    let is_over = || begun.elapsed() > ARM_PATIENCE;
+    loop {
+        let Err(refusal) = vehicle.command(request::MAY_ARM) else {
+            break;
+        };
+        let kind = refusal.downcast_ref().and_then(Failure::refusal);
+        // A refusal without a reason is of a firmware that does not know the question.
+        let Some(why) = kind.filter(|_| is_worth_waiting(&refusal) && !is_over()) else {
+            break;
+        };
+        let (why, again) = (why.to_string(), Instant::now() + ARM_RETRY);
         while Instant::now() < again {
             vehicle.receive()?;
             wait(&why);
         }
     }
-    Ok(())
+    vehicle.command(request::ARM)
 }
 
 /// Receives for a while and calls `each` with the time since the start.

@@ -89,11 +89,11 @@ fn against_blindness(
     let all: Vec<(f64, f64)> = rows.iter().map(place).collect();
     let least = all.iter().map(|p| p.0).fold(f64::INFINITY, f64::min);
     let most = all.iter().map(|p| p.0).fold(least + 1e-3, f64::max);
-    let across = |name, ms| Line::new(name, 4, vec![(least, ms), (most, ms)]);
+    let across = |name, colour, ms| Line::new(name, colour, vec![(least, ms), (most, ms)]);
     let limits = [DEADLINE, WRONG_LIMIT].map(|limit| limit.as_us_f64() / 1e3);
     let lines = vec![
-        across("allowed, sensor", limits[0]),
-        across("allowed, others", limits[1]),
+        across("most allowed after a fault of the sensor", 4, limits[0]),
+        across("most allowed after another fault", 1, limits[1]),
     ];
     let plot = Plot::new(x, "without control, ms", lines);
     plot.svg_as(&Look {

@@ -3,14 +3,16 @@
 use std::path::Path;
 
 use anyhow::Result;
-use client::ServoMap;
+use client::state::state_of;
+use client::status::is_unsettled;
+use client::{ServoMap, StateKind};
 use maud::{Markup, html};
 use tvc_nano::{Axis, Params};
 
 use super::sweep::Sweep;
 use super::{events, last_parameters};
 use crate::flight::figures::settling_band_deg;
-use crate::logs::log::{Flight, Release, Step};
+use crate::logs::log::{Event, Flight, Release, Step};
 use crate::out::measure::Figures;
 use crate::out::page::{figure, page, table, verdicts};
 use crate::out::plot::{Line, Plot};
@@ -63,6 +65,38 @@ pub fn render(log: &Path, flight: &Flight, figures: &Figures) -> Result<String> 
     Ok(page(&format!("Report of {}", log.display()), body))
 }
 
+/// Where the estimate has begun anew and has not settled: times since the first step, s.
+fn settling(flight: &Flight) -> Vec<(f64, f64)> {
+    let mut stretches = Vec::new();
+    let (mut begin, mut now_s, mut since) = (None, 0.0, None);
+    for event in &flight.events {
+        let is_settling = match event {
+            Event::Step(step) => {
+                now_s = step.time_s() - *begin.get_or_insert(step.time_s());
+                continue;
+            }
+            Event::State(code) => match state_of(*code) {
+                Some(StateKind::Boot | StateKind::SelfTest) => true,
+                // The health that is told once a second says whether it has settled.
+                Some(StateKind::Standby) => continue,
+                _ => false,
+            },
+            Event::Status(status) => is_unsettled(status),
+            _ => continue,
+        };
+        match since {
+            None if is_settling => since = Some(now_s),
+            Some(from) if !is_settling => {
+                stretches.push((from, now_s));
+                since = None;
+            }
+            _ => {}
+        }
+    }
+    stretches.extend(since.map(|from| (from, now_s)));
+    stretches
+}
+
 fn whole(flight: &Flight, servo: &ServoMap) -> Result<Markup> {
     let begin = flight.steps().next().map_or(0.0, Step::time_s);
     let line = |of: &dyn Fn(&Step) -> f64| -> Vec<(f64, f64)> {
@@ -80,9 +114,15 @@ fn whole(flight: &Flight, servo: &ServoMap) -> Result<Markup> {
             Line::new("servo commanded", 4, commanded),
         ],
     );
+    let stretches = settling(flight);
+    let caption = match stretches.is_empty() {
+        true => "Pitch and the servo angle commanded.",
+        false => "Pitch and the servo angle commanded. Shaded: the estimate begins anew.",
+    };
+    let plot = plot.with_stretches(stretches);
     Ok(html! {
         h2 { "The whole log" }
-        (figure("Pitch and the servo angle commanded.", plot.svg()?))
+        (figure(caption, plot.svg()?))
     })
 }
 
@@ -128,4 +168,53 @@ fn one(release: &Release, axis: Axis) -> Result<Markup> {
         (figure(caption, angle.svg()?))
         (figure(command_caption, command.svg()?))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mavlink::dialects::common::{MavSysStatusSensor, SYS_STATUS_DATA};
+    use tvc_nano::StateCode;
+
+    #[test]
+    fn the_estimate_begins_anew_in_the_self_test_and_until_it_is_healthy() {
+        let step = |seconds: u64| Event::Step(Step::level(seconds * 1_000_000));
+        let status = |healthy: bool| {
+            let ahrs = MavSysStatusSensor::MAV_SYS_STATUS_AHRS;
+            Event::Status(SYS_STATUS_DATA {
+                onboard_control_sensors_enabled: ahrs,
+                onboard_control_sensors_health: match healthy {
+                    true => ahrs,
+                    false => MavSysStatusSensor::empty(),
+                },
+                ..SYS_STATUS_DATA::default()
+            })
+        };
+        let state = |code: StateCode| Event::State(code.number());
+        let flight = |events: Vec<Event>| Flight {
+            events,
+            ..Flight::default()
+        };
+        let whole = flight(vec![
+            step(10),
+            status(true),
+            step(11),
+            state(StateCode::SelfTest(None)),
+            step(12),
+            state(StateCode::Standby),
+            status(false),
+            step(13),
+            status(true),
+            step(14),
+            state(StateCode::Armed),
+            step(15),
+            status(false),
+            step(17),
+        ]);
+        assert_eq!(settling(&whole), [(1.0, 3.0), (5.0, 7.0)]);
+        // Who is armed has settled, whatever was told before.
+        let armed = [step(0), state(StateCode::SelfTest(None)), step(1)];
+        let armed = armed.into_iter().chain([state(StateCode::Armed), step(2)]);
+        assert_eq!(settling(&flight(armed.collect())), [(0.0, 1.0)]);
+    }
 }

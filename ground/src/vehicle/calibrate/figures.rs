@@ -115,7 +115,12 @@ impl Figures {
     /// Name and value of every figure, for people.
     pub fn lines(&self) -> Vec<[String; 2]> {
         let vector = |v: &[f64; 3], digits: usize| {
-            format!("{:.digits$}  {:.digits$}  {:.digits$}", v[0], v[1], v[2])
+            let parts = v.map(|part| match format!("{part:.digits$}") {
+                // A rounded zero has no sign.
+                zero if zero.parse() == Ok(0.0) => format!("{:.digits$}", 0.0),
+                number => number,
+            });
+            parts.join("  ")
         };
         let mut lines = Vec::new();
         let mut line = |name: &str, value: String| lines.push([name.to_owned(), value]);
@@ -135,8 +140,8 @@ impl Figures {
         }
         if let Some(mag) = &self.mag {
             line("hard iron, uT", vector(&mag.offset_ut, 1));
-            for row in &mag.matrix {
-                line("  soft iron undone", vector(row, 3));
+            for (axis, row) in ["x", "y", "z"].iter().zip(&mag.matrix) {
+                line(&format!("  soft iron undone, {axis}"), vector(row, 3));
             }
             line("  strength, uT", format!("{:.1}", mag.strength_ut));
             line(

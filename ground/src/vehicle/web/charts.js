@@ -66,6 +66,7 @@ class Strip {
         bind: { dblclick: () => () => charts.resume() },
       },
       hooks: {
+        drawClear: [(plot) => charts.shade(plot)],
         setSelect: [(plot) => {
           const { left, width } = plot.select;
           if (width > 3) charts.look(plot.posToVal(left, "x"), plot.posToVal(left + width, "x"));
@@ -116,7 +117,7 @@ class Strip {
 export class Charts {
   /** `kinds`: what [`Strip`] takes; `buttons` by their names. */
   constructor(parent, kinds, buttons) {
-    Object.assign(this, { parent, buttons, times: [], span: 20, view: null, spoken: 0, turn: 0 });
+    Object.assign(this, { parent, buttons, times: [], settling: [], span: 20, view: null, spoken: 0, turn: 0 });
     this.strips = kinds.map((kind) => new Strip(this, kind));
     const press = { pause: () => this.toggle(), closer: () => this.zoom(-1), farther: () => this.zoom(1), earlier: () => this.shift(-0.5), later: () => this.shift(0.5) };
     for (const [name, act] of Object.entries(press)) {
@@ -158,7 +159,7 @@ export class Charts {
   push(time, frame) {
     const { times } = this;
     if (time < times.at(-1)) {
-      for (const values of [times, ...this.strips.flatMap((strip) => strip.values)]) values.length = 0;
+      for (const values of [times, this.settling, ...this.strips.flatMap((strip) => strip.values)]) values.length = 0;
       this.resume();
     }
     if (time - times.at(-1) > GAP) this.append(times.at(-1) + GAP / 2, () => null);
@@ -168,8 +169,31 @@ export class Charts {
       const count = times.findIndex((at) => at >= oldest);
       for (const values of [times, ...this.strips.flatMap((strip) => strip.values)]) values.splice(0, count);
     }
+    this.settle(time, frame.settling);
     this.changed = true;
     this.choose(frame);
+  }
+
+  /** Keeps the stretches of time, from and to, in which the estimate begins anew. */
+  settle(time, isSettling) {
+    const last = this.settling.at(-1);
+    if (isSettling && last?.open) last.to = time;
+    else if (isSettling) this.settling.push({ from: time, to: time, open: true });
+    else if (last?.open) Object.assign(last, { to: time, open: false });
+    while (this.settling[0]?.to < this.times[0]) this.settling.shift();
+    this.buttons.settling.hidden = this.settling.length === 0;
+  }
+
+  /** Draws them below a chart. */
+  shade(plot) {
+    const { ctx, bbox, scales } = plot;
+    ctx.save();
+    ctx.fillStyle = colour("line");
+    for (const { from, to } of this.settling) {
+      const [left, right] = [from, to].map((time) => Math.min(Math.max(time, scales.x.min), scales.x.max)).map((time) => plot.valToPos(time, "x", true));
+      if (right > left) ctx.fillRect(left, bbox.top, right - left, bbox.height);
+    }
+    ctx.restore();
   }
 
   /** Charts that only some vehicles have come and go with what a frame tells. */

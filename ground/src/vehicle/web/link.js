@@ -10,6 +10,9 @@ const REFUSED = {
   4503: "Too many pages are open: close one. STOP works all the same.",
 };
 
+/** What vehicle and tool say of a command of the tool, for somebody who has the page's buttons. */
+export const forPage = (words) => words.replace(/(run )?tvc calibrate polarity/, "press Check polarity");
+
 export class Link {
   /** `show` gets whatever comes; `begin` is called when the program sends everything anew. */
   constructor(token, begin, show) {

@@ -46,6 +46,8 @@ pub struct Motion {
     pub latency_ms: f64,
     /// Share of time for which the processor was awake, percent.
     pub load_pct: f64,
+    /// The estimate has begun anew and has not settled.
+    pub settling: bool,
 }
 
 /// What [`Motion`] has of the second axis besides its angle.

@@ -3,7 +3,7 @@
 import { Attitude } from "./attitude.js";
 import { Charts } from "./charts.js";
 import { Guided } from "./guided.js";
-import { Link } from "./link.js";
+import { Link, forPage } from "./link.js";
 import { Logs, nameOf } from "./logs.js";
 import { ParameterFile } from "./parameter_file.js";
 import { Parameters } from "./parameters.js";
@@ -56,7 +56,7 @@ async function press(order, words, fields) {
   const { error } = await link.order(order, fields);
   if (error === undefined && words === "") return;
   const answer = at("answer");
-  answer.textContent = error ?? `${words}: done`;
+  answer.textContent = error === undefined ? `${words}: done` : forPage(error);
   answer.classList.toggle("done", error === undefined);
   clearTimeout(press.timer);
   press.timer = setTimeout(() => { answer.textContent = ""; }, error ? 8000 : 2000);
@@ -95,6 +95,7 @@ const logs = new Logs(at("logs"), () => link.token);
 // Pictures
 
 const chartTools = Object.fromEntries(["pause", "earlier", "later", "closer", "farther"].map((name) => [name, document.querySelector(`[data-chart=${name}]`)]));
+chartTools.settling = at("settling");
 const charts = new Charts(at("strips"), [
   {
     title: "pitch", unit: "deg", least: [-2, 2], decimals: 1, height: 150,
@@ -224,7 +225,7 @@ function showCondition(now) {
   at("recording").textContent = now.recording_failure ?? (now.recording ? `recording to ${now.recording}` : "");
   at("recording").classList.toggle("bad", now.recording_failure !== null);
   guided.control(now.connected && !blocked && now.recording === null);
-  put("arming", !now.connected || now.in_operation || busy ? "" : now.can_arm ? "Ready to be armed." : now.refusal ? `Cannot be armed: ${now.refusal}` : "");
+  put("arming", !now.connected || now.in_operation || busy ? "" : now.can_arm ? "Ready to be armed." : now.refusal ? `Cannot be armed: ${forPage(now.refusal)}` : "");
   at("arming").classList.toggle("ready", now.can_arm);
   parameters.control(now.armed && !now.can_release);
   at("health").textContent = !now.connected ? "unknown"
@@ -247,7 +248,7 @@ function showTrial(now) {
   at("trial").hidden = !now.running && !now.stage && !now.result;
   const result = now.result;
   const met = result && result.missed.length === 0;
-  at("stage").textContent = now.running ? now.stage || "begins" : result ? (met ? "every requirement met" : "") : now.stage;
+  at("stage").textContent = now.running ? now.stage || "begins" : result ? (met ? "every requirement met" : "") : forPage(now.stage);
   at("tested").textContent = TITLES[now.manoeuvre] ?? "";
   at("tested-log").replaceChildren(...(now.running || !now.log ? [] : [`${now.log} `, logs.links(nameOf(now.log))]));
   at("stage").classList.toggle("met", Boolean(met));
@@ -264,7 +265,7 @@ function showText(text) {
   const list = at("texts");
   const [item, time, words] = ["li", "time", "span"].map((tag) => document.createElement(tag));
   time.textContent = `${text.time_s.toFixed(2)} s`;
-  words.textContent = text.text;
+  words.textContent = forPage(text.text);
   words.className = text.severity <= 3 ? "bad" : text.severity === 4 ? "warning" : "";
   item.append(time, words);
   list.prepend(item);

@@ -1,5 +1,7 @@
 // Parameters in a file: out by a download, in by a list of what would change, which is set when somebody agrees.
 
+import { forPage } from "./link.js";
+
 /** Longest text that the program takes, bytes as JSON. */
 const LONGEST = 16000;
 
@@ -59,7 +61,8 @@ export class ParameterFile {
     const { error, note } = await this.order("read-file", { text });
     if (error) return this.say(`${name}: ${error}`);
     const { changes, unknown, count, notes } = differences(note, (key) => this.parameters.value(key));
-    const other = unknown.length ? [...notes, `The vehicle has no parameter ${unknown.join(", ")}.`] : notes;
+    const said = notes.map(forPage);
+    const other = unknown.length ? [...said, `The vehicle has no parameter ${unknown.join(", ")}.`] : said;
     if (changes.length === 0) return this.say(`${name}: the vehicle has all of its ${count - unknown.length} values.`, ...other);
     const list = document.createElement("ul");
     list.append(...changes.map(([key, before, after]) => element("li", `${key}: ${before} → ${after}`)));

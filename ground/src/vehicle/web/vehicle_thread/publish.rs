@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use client::state::is_in_operation;
-use client::status::sick;
+use client::status::{is_unsettled, sick};
 use client::{Frame, ServoMap, StateKind, text};
 use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
 use tvc_nano::Axis;
@@ -27,7 +27,8 @@ impl Session<'_> {
             self.status_due = Duration::ZERO;
         }
         if moved {
-            self.model.lock().motion = self.motion();
+            let motion = self.motion();
+            self.model.lock().motion = motion;
         }
     }
 
@@ -105,7 +106,8 @@ impl Session<'_> {
         }
     }
 
-    fn motion(&self) -> Motion {
+    fn motion(&mut self) -> Motion {
+        let settling = self.is_settling();
         let status = self.tracker.peek();
         let servo = |axis, pulse_us| {
             let map = ServoMap::of_axis(&self.params, axis);
@@ -130,7 +132,15 @@ impl Session<'_> {
             heading_sd_deg: status.heading_sd_deg.map(|sd_deg| rounded(sd_deg.into())),
             latency_ms: rounded(self.latency_ms),
             load_pct: rounded(100.0 * status.health.load.unwrap_or_default()),
+            settling,
         }
+    }
+
+    /// Whether the estimate has begun anew, by the state and the health that is told once a second.
+    fn is_settling(&mut self) -> bool {
+        let begins = [StateKind::Boot, StateKind::SelfTest];
+        let state = self.link.client().state();
+        state.is_some_and(|state| begins.contains(&state)) || is_unsettled(&self.health)
     }
 
     pub(super) fn publish_status(&mut self) {
