@@ -183,8 +183,13 @@ impl Client {
         }
         self.copies
             .retain(|copy| now.saturating_sub(copy.sent) < ANSWER);
+        let missing = self.missing();
         let over = |pending: &Pending| {
-            (now >= pending.until).then(|| Err(Failure::Silence(pending.request.name().to_owned())))
+            let failure = match (&pending.request, &missing) {
+                (Request::List, Some(missing)) => missing.clone(),
+                (request, _) => Failure::Silence(request.name().to_owned()),
+            };
+            (now >= pending.until).then_some(Err(failure))
         };
         self.answer_all(over);
         for index in 0..self.pending.len() {
@@ -302,6 +307,18 @@ impl Client {
     /// The parameters told since the last [`Request::List`], in the vehicle's order.
     pub fn parameters(&self) -> impl Iterator<Item = &Parameter> {
         self.parameters.values()
+    }
+
+    /// What has not come of the list that the vehicle has begun to tell.
+    fn missing(&self) -> Option<Failure> {
+        let count = self.parameter_count?;
+        let mut missing = (0..count).filter(|index| !self.parameters.contains_key(index));
+        let first = u32::from(missing.next()?) + 1;
+        Some(Failure::Incomplete {
+            count,
+            missing: 1 + missing.count(),
+            first,
+        })
     }
 
     /// Whether these are all.

@@ -35,6 +35,22 @@ pub enum Failure {
     /// Nothing came.
     #[error("no answer about {0} from the vehicle within {s} s", s = ANSWER.as_secs())]
     Silence(String),
+    /// The vehicle names more parameters than it sends.
+    #[error(
+        "of {count} parameters that the vehicle names, {missing} have not come, number {first} \
+         first; nothing new within {s} s", s = ANSWER.as_secs()
+    )]
+    Incomplete {
+        /// How many it names.
+        count: u16,
+        /// How many have not come.
+        missing: usize,
+        /// The first of them, counted from 1.
+        first: u32,
+    },
+    /// The vehicle names a recording that none can have.
+    #[error("the vehicle names a recording of {0} bytes, which no recorder holds")]
+    Recording(usize),
     /// An order to disarm was given meanwhile.
     #[error("{0}: overtaken by an order to disarm")]
     Overtaken(String),

@@ -14,6 +14,9 @@ use crate::request::{self, Order};
 use crate::text;
 use crate::wire::Frame;
 
+/// No recorder of a vehicle holds more, bytes.
+const LONGEST_RECORDING: usize = 1 << 20;
+
 impl Client {
     /// Takes in a frame of the vehicle: its state, and what it answers.
     pub(super) fn take(&mut self, now: Duration, frame: &Frame) {
@@ -57,8 +60,16 @@ impl Client {
                 }
             }
             MavMessage::LOG_ENTRY(entry) => {
-                self.recording_size.get_or_insert(entry.size as usize);
-                self.continue_download(now, Some(now));
+                let size = entry.size as usize;
+                if size > LONGEST_RECORDING {
+                    self.answer_first(|request| {
+                        let why = Failure::Recording(size);
+                        (*request == Request::Download).then_some(Err(why))
+                    });
+                } else if self.recording_size.is_none() {
+                    self.recording_size = Some(size);
+                    self.continue_download(now, Some(now));
+                }
             }
             MavMessage::LOG_DATA(part) => self.take_recording(now, part),
             _ => {}
@@ -116,11 +127,11 @@ impl Client {
             }),
             _ => None,
         });
-        self.parameters.insert(row.param_index, told);
+        let is_new = self.parameters.insert(row.param_index, told).is_none();
         self.parameter_count = Some(row.param_count);
         let complete = self.has_all_parameters();
         for pending in &mut self.pending {
-            if pending.request == Request::List {
+            if pending.request == Request::List && is_new {
                 pending.progress(now);
             }
         }
@@ -128,7 +139,7 @@ impl Client {
     }
 
     fn take_recording(&mut self, now: Duration, part: &LOG_DATA_DATA) {
-        if part.ofs as usize == self.recording.len() {
+        if part.ofs as usize == self.recording.len() && part.count > 0 {
             let bytes = part.data.iter().take(part.count.into());
             self.recording.extend(bytes);
             self.continue_download(now, None);

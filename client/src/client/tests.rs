@@ -341,6 +341,53 @@ fn a_list_of_which_nothing_comes_is_asked_for_as_a_whole_and_given_up() {
     assert!(matches!(bench.answer(list), Some(Err(Failure::Silence(_)))));
 }
 
+/// Whatever it repeats.
+#[test]
+fn a_list_that_never_becomes_whole_is_given_up_and_says_what_is_missing() {
+    for count in [u16::MAX, 5] {
+        let mut bench = Bench::new();
+        let list = bench.request(Request::List);
+        let given_up = (0..20).find_map(|_| {
+            for index in [0, 1, 3] {
+                bench.value(index, count);
+            }
+            bench.run(ms(1000));
+            bench.answer(list)
+        });
+        let missing = usize::from(count) - 3;
+        let why = Failure::Incomplete {
+            count,
+            missing,
+            first: 3,
+        };
+        assert_eq!(given_up, Some(Err(why)));
+    }
+}
+
+#[test]
+fn a_recording_that_no_recorder_holds_is_refused_and_nothing_is_no_progress() {
+    let mut bench = Bench::new();
+    let entry = |size| {
+        MavMessage::LOG_ENTRY(LOG_ENTRY_DATA {
+            size,
+            ..LOG_ENTRY_DATA::default()
+        })
+    };
+    let ticket = bench.request(Request::Download);
+    bench.say(entry(u32::MAX));
+    let refused = bench.answer(ticket).unwrap().unwrap_err();
+    assert_eq!(refused, Failure::Recording(u32::MAX as usize));
+    let ticket = bench.request(Request::Download);
+    bench.say(entry(500));
+    let given_up = (0..20).find_map(|_| {
+        bench.say(entry(500));
+        bench.say(MavMessage::LOG_DATA(LOG_DATA_DATA::default()));
+        bench.run(ms(1000));
+        bench.answer(ticket)
+    });
+    assert!(matches!(given_up, Some(Err(Failure::Silence(_)))));
+}
+
 #[test]
 fn a_value_is_compared_with_what_was_set() {
     let mut bench = Bench::new();

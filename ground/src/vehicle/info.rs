@@ -13,7 +13,7 @@ use serde::Serialize;
 use crate::logs::log::TOOL;
 use crate::out::exit::Verdict;
 use crate::out::file::print_figures;
-use crate::vehicle::port::machine::{Access, Program, access, holders, is_running};
+use crate::vehicle::port::machine::{Access, Program, access, holders, is_running, names};
 use crate::vehicle::port::{self, Life, PortOptions};
 use crate::{config, image};
 use next::Standing;
@@ -182,14 +182,5 @@ impl PortFound {
             (true, true) => " (SAMD21 Nano in its bootloader)",
         };
         format!("{}{what}", self.name)
-    }
-}
-
-/// Names and processes of programs.
-fn names(programs: &[Program]) -> String {
-    let name = |program: &Program| format!("{} (process {})", program.name, program.id);
-    match programs {
-        [] => "no other program".into(),
-        _ => programs.iter().map(name).collect::<Vec<_>>().join(", "),
     }
 }

@@ -178,6 +178,10 @@ fn joined<'a>(names: impl Iterator<Item = &'a str>) -> String {
 
 /// What to say of a port that does not open.
 pub fn refused(name: &str, error: &io::Error) -> BadInput {
+    let holders = machine::holders(Path::new(name)).unwrap_or_default();
+    if let Some(words) = machine::in_use(name, &holders) {
+        return BadInput::new(words);
+    }
     let advice = match machine::access(Path::new(name)) {
         Some(access) if error.kind() == ErrorKind::PermissionDenied => access.remedy(),
         _ => "is it a serial port that no other program uses?".to_owned(),
@@ -276,11 +280,14 @@ mod tests {
     #[test]
     fn a_port_that_may_not_be_opened_names_its_group() {
         let denied = io::Error::from(ErrorKind::PermissionDenied);
-        let said = refused("/", &denied).to_string();
-        let remedy = machine::access(Path::new("/")).unwrap().remedy();
+        let file = tempfile::NamedTempFile::new().unwrap().into_temp_path();
+        let name = file.to_str().unwrap();
+        let said = refused(name, &denied).to_string();
+        let remedy = machine::access(&file).unwrap().remedy();
         assert!(said.ends_with(&remedy), "{said}");
         let busy = io::Error::from(ErrorKind::ResourceBusy);
-        assert!(refused("/", &busy).to_string().contains("no other program"));
+        let said = refused(name, &busy).to_string();
+        assert!(said.contains("no other program"), "{said}");
     }
 
     #[test]

@@ -48,6 +48,11 @@ fn info_names_the_next_thing_to_do_and_who_has_the_port() {
         let found = object(&output);
         assert_eq!(found["port"]["held_by"][0]["id"], monitor.0.id(), "{found}");
         assert!(found["vehicle"].is_null() && found["standing"] == "unreachable");
+        // Every other command says the same.
+        let output = tvc(&["arm", "--port", &port]);
+        assert_eq!(output.status.code(), Some(2));
+        let holder = format!("(process {}): end that first", monitor.0.id());
+        assert!(said(&output).contains(&holder), "{}", said(&output));
     }
     let output = tvc(&["doctor", "--port", "/dev/no-such-port"]);
     assert_eq!(output.status.code(), Some(2));

@@ -7,8 +7,9 @@ use serde::Serialize;
 use tvc_nano::failsafe::StateKind;
 
 use super::vehicle::{SERVO, Told};
-use super::{Found, PortFound, names};
+use super::{Found, PortFound};
 use crate::out::exit::Verdict;
+use crate::vehicle::port::machine::in_use;
 
 /// How things stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -45,18 +46,13 @@ impl fmt::Display for Standing {
 
 /// Why a port is not to be opened.
 pub fn obstacle(port: &PortFound) -> Option<Error> {
-    let holders = port.held_by.as_deref().unwrap_or_default();
+    let name = &port.name;
     if port.bootloader {
-        let name = &port.name;
-        Some(anyhow!(
+        return Some(anyhow!(
             "the Nano at {name} is in its bootloader: `tvc flash` puts the firmware on it"
-        ))
-    } else if !holders.is_empty() {
-        let (name, holders) = (&port.name, names(holders));
-        Some(anyhow!("{name} is in use by {holders}: end that first"))
-    } else {
-        None
+        ));
     }
+    in_use(name, port.held_by.as_deref()?).map(Error::msg)
 }
 
 /// How things stand, and what to do.

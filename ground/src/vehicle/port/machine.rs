@@ -96,6 +96,21 @@ pub fn holders(device: &Path) -> Option<Vec<Program>> {
     Some(holders.map(|(id, process)| program(id, &process)).collect())
 }
 
+/// Names and processes of programs.
+pub fn names(programs: &[Program]) -> String {
+    let name = |program: &Program| format!("{} (process {})", program.name, program.id);
+    match programs {
+        [] => "no other program".into(),
+        _ => programs.iter().map(name).collect::<Vec<_>>().join(", "),
+    }
+}
+
+/// Who has a port open, and what to do about it; nothing if nobody has.
+pub fn in_use(name: &str, holders: &[Program]) -> Option<String> {
+    let is_held = !holders.is_empty();
+    is_held.then(|| format!("{name} is in use by {}: end that first", names(holders)))
+}
+
 /// Whether a program of this name runs; `None` where the system does not tell.
 pub fn is_running(name: &str) -> Option<bool> {
     let mut processes = processes()?.into_iter();
