@@ -23,7 +23,7 @@ use core::time::Duration;
 use std::collections::{BTreeMap, VecDeque};
 
 use mavlink::Message as _;
-use mavlink::dialects::common::{MavCmd, MavMessage};
+use mavlink::dialects::common::{MavAutopilot, MavCmd, MavMessage};
 use tvc_nano::failsafe::{StateCode, StateKind};
 
 use crate::request::{self, Order};
@@ -131,6 +131,7 @@ pub struct Client {
     heartbeat: Duration,
     silent: bool,
     heard: Option<Duration>,
+    autopilot: Option<MavAutopilot>,
     /// The vehicle's system id, 0 before it has been heard.
     vehicle: u8,
     state: StateTracker,
@@ -287,6 +288,11 @@ impl Client {
     /// System id of the vehicle, 0 before it has been heard.
     pub fn vehicle(&self) -> u8 {
         self.vehicle
+    }
+
+    /// The kind of autopilot by the last heartbeat; `None` before it.
+    pub fn autopilot(&self) -> Option<MavAutopilot> {
+        self.autopilot
     }
 
     /// When the vehicle's last heartbeat came.

@@ -28,6 +28,7 @@ impl Client {
                 if beat.autopilot != MavAutopilot::MAV_AUTOPILOT_INVALID =>
             {
                 self.heard = Some(now);
+                self.autopilot = Some(beat.autopilot);
                 self.vehicle = frame.system();
             }
             MavMessage::STATUSTEXT(said) => {

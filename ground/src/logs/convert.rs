@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::Args;
 
-use crate::logs::log::convert;
+use crate::logs::log::{Content, convert};
 use crate::out::exit::Verdict;
+use crate::out::file::print_json;
 use crate::out::kind;
 
 /// Options of `tvc convert`.
@@ -27,11 +28,22 @@ pub struct Convert {
     /// The file to write (.tlog, .mcap, .csv); a log must not be there yet.
     #[arg(value_name = "FILE", value_parser = kind::log_or_table)]
     pub file: PathBuf,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Writes the file that `options` ask for.
 pub fn run(options: &Convert) -> Result<Verdict> {
-    convert(&options.log, &options.file)?;
-    eprintln!("wrote {}", options.file.display());
+    let written = convert(&options.log, &options.file)?;
+    if options.json {
+        print_json(&written)?;
+    }
+    let (count, what) = match written {
+        Content::Messages(count) => (count, "messages"),
+        Content::Steps(count) => (count, "control steps"),
+    };
+    eprintln!("wrote {}: {count} {what}", options.file.display());
     Ok(Verdict::Met)
 }

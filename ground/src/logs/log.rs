@@ -21,6 +21,7 @@ use anyhow::{Context, Result};
 use client::{LinkCounts, Wire};
 use mavlink::dialects::common::MavMessage;
 use mavlink::{MAVLinkV2MessageRaw, MavHeader};
+use serde::Serialize;
 use tempfile::TempPath;
 use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 
@@ -256,18 +257,31 @@ impl Log {
 ///
 /// # Errors
 /// [`BadInput`] if `from` is no log, or `to` is there already as a log or has no such form.
-pub fn convert(from: &Path, to: &Path) -> Result<()> {
+pub fn convert(from: &Path, to: &Path) -> Result<Content> {
     if Output::of(to)? == Output::Table {
-        return write_csv(&Flight::read(from)?, to);
+        let flight = Flight::read(from)?;
+        write_csv(&flight, to)?;
+        return Ok(Content::Steps(flight.steps().count()));
     }
     let mut writer = Writer::whole(to)?;
-    let mut decoder = Decoder::default();
+    let (mut decoder, mut messages) = (Decoder::default(), 0);
     let stray_bytes = each_frame(from, |time_us, frame| {
-        decoder.take(time_us, frame, &mut |_| ());
+        decoder.take(time_us, frame, &mut |_| messages += 1);
         writer.write_at(time_us, frame)
     })?;
     checked(decoder.counts(stray_bytes), from)?;
-    writer.end()
+    writer.end()?;
+    Ok(Content::Messages(messages))
+}
+
+/// How much has been written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Content {
+    /// Messages of a log.
+    Messages(usize),
+    /// Rows of a table.
+    Steps(usize),
 }
 
 /// Writes a flight that did not come over the link: as a log whose last step is now, or as a table.

@@ -6,15 +6,16 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use anyhow::Result;
+use anyhow::{Error, Result};
 use clap::Args;
-use client::{ServoMap, Status, StatusTracker};
+use client::{Failure, ServoMap, Status, StatusTracker};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
-use tvc_nano::Axis;
+use mavlink::dialects::common::MavAutopilot;
+use tvc_nano::{Axis, Params};
 
 use crate::arguments::seconds;
 use crate::logs::log::Writer;
-use crate::out::exit::Verdict;
+use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print, print_json};
 use crate::out::gauge::gauge;
 use crate::out::kind;
@@ -94,11 +95,36 @@ pub fn run(options: &Monitor) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// The vehicle's maps from servo angle to pulse, by axis. An older firmware has one servo.
+/// The vehicle's maps from servo angle to pulse, by axis; those of the defaults where the vehicle is
+/// of another firmware, which is said.
 ///
 /// # Errors
-/// The vehicle does not tell its parameters.
+/// The port went away, or the person wants an end.
 pub fn servo_maps(vehicle: &mut Vehicle) -> Result<[ServoMap; Axis::COUNT]> {
+    let autopilot = vehicle.link().client().autopilot();
+    // Another one would not answer.
+    let is_ours = autopilot == Some(MavAutopilot::MAV_AUTOPILOT_GENERIC);
+    let why = match is_ours.then(|| told_maps(vehicle)) {
+        Some(Ok(maps)) => return Ok(maps),
+        Some(Err(error)) if !is_unknown(&error) => return Err(error),
+        Some(Err(error)) => format!("{error:#}; is this tvc-nano?"),
+        None => {
+            let number = autopilot.map_or(0, |autopilot| autopilot as u8);
+            format!("this is no tvc-nano (MAVLink's autopilot {number}).")
+        }
+    };
+    eprintln!("{why} Servo angles are those of tvc-nano's defaults.");
+    Ok([ServoMap::of(&Params::default()); Axis::COUNT])
+}
+
+/// Whether the vehicle does not know or does not tell what it was asked for.
+fn is_unknown(error: &Error) -> bool {
+    let is_silent = matches!(error.downcast_ref(), Some(Failure::Silence(_)));
+    is_silent || error.is::<BadInput>()
+}
+
+/// By the vehicle's parameters. An older firmware has one servo.
+fn told_maps(vehicle: &mut Vehicle) -> Result<[ServoMap; Axis::COUNT]> {
     let mut value = |name| vehicle.parameter(name);
     let us_per_deg = value("SRV_US_PER_DEG")?;
     let first = ServoMap::new(value("SRV_CENTRE_US")?, us_per_deg, value("SRV_DIR")?);
@@ -128,7 +154,7 @@ fn beside(status: &Status) -> String {
     });
     let known = |what: &str, sd_deg: Option<f32>| {
         sd_deg.map_or_else(String::new, |sd_deg| {
-            format!("  {what} known to {sd_deg:.1} deg")
+            format!("  {what} \u{b1} {sd_deg:.1} deg")
         })
     };
     second.unwrap_or_default()
@@ -136,8 +162,7 @@ fn beside(status: &Status) -> String {
         + &known("heading", status.heading_sd_deg)
 }
 
-/// A status as text: time and state, attitude, link.
-/// A status, for a person.
+/// A status for a person: time and state, attitude, link.
 pub fn lines(status: &Status) -> [String; 3] {
     let [roll, pitch, yaw] = status.attitude_rad.map(f64::to_degrees);
     let rate = f64::from(status.rate_rad_s[1]).to_degrees();

@@ -7,10 +7,12 @@ use anyhow::Result;
 use clap::Args;
 use client::request;
 use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
 
 use crate::arguments::seconds;
 use crate::logs::log::{Flight, Writer, write_csv};
 use crate::out::exit::Verdict;
+use crate::out::file::print_json;
 use crate::out::kind;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
@@ -44,6 +46,10 @@ pub struct Record {
     /// End by itself after this many seconds.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<f64>,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Records until Ctrl-C.
@@ -83,12 +89,13 @@ pub fn run(options: &Record) -> Result<Verdict> {
     bar.finish_and_clear();
     vehicle.link().end_log()?;
     let flight = Flight::read(&options.log)?;
+    let (steps, missed, lost) = (flight.steps().count(), flight.missed(), flight.lost());
+    if options.json {
+        print_json(&json!({ "steps": steps, "missed": missed, "lost": lost }))?;
+    }
     eprintln!(
-        "wrote {}: {} control steps, {} samples missed, {} frames lost",
-        options.log.display(),
-        flight.steps().count(),
-        flight.missed(),
-        flight.lost()
+        "wrote {}: {steps} control steps, {missed} samples missed, {lost} frames lost",
+        options.log.display()
     );
     if let Some(path) = &options.csv {
         write_csv(&flight, path)?;

@@ -81,6 +81,7 @@ const AT_A_VEHICLE: &[(&str, &str)] = &[
     // Together they have a release, a hold and a sweep.
     ("test", "test step --seconds 1 --log step.tlog"),
     ("recorder", "recorder release.csv"),
+    ("record", "record record.tlog --seconds 1 --csv record.csv"),
     // Long enough that on a slow machine, too, the vehicle's own clock sees two seconds.
     ("test", "test hold --seconds 12 --log hold.tlog"),
     ("test", "test chirp --seconds 6"),
@@ -102,7 +103,8 @@ const ON_ITS_LOGS: &[(&str, &str)] = &[
         "replay-changed",
         "replay step.tlog --param SFC_GAIN_S=0.1 --filter madgwick --offline",
     ),
-    ("", "convert step.tlog step.csv"),
+    ("convert", "convert step.tlog step.csv"),
+    ("convert", "convert step.tlog step.mcap"),
     ("identify", "identify step.csv"),
     ("identify", "identify step.tlog --out drone.toml"),
     (

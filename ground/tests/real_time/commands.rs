@@ -443,3 +443,48 @@ fn a_port_without_a_vehicle_is_said_to_be_one() {
         "{said}"
     );
 }
+
+/// What can be shown is.
+#[test]
+fn a_vehicle_of_another_firmware_is_said_to_be_one_and_watched_all_the_same() {
+    use client::Wire;
+    use mavlink::dialects::common::{
+        ATTITUDE_QUATERNION_DATA, HEARTBEAT_DATA, MavAutopilot, MavMessage,
+    };
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    let pty = rig::pty::Pty::open().unwrap();
+    let path = pty.path().to_str().unwrap().to_owned();
+    let over = AtomicBool::new(false);
+    let output = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let mut wire = Wire::default();
+            while !over.load(Ordering::Relaxed) {
+                let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+                    autopilot: MavAutopilot::MAV_AUTOPILOT_PX4,
+                    ..HEARTBEAT_DATA::default()
+                });
+                let attitude = MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
+                    q1: 1.0,
+                    ..ATTITUDE_QUATERNION_DATA::default()
+                });
+                for message in [beat, attitude] {
+                    let _ = pty.write(&wire.frame(&message));
+                }
+                let _ = pty.read();
+                std::thread::sleep(Duration::from_millis(50));
+            }
+        });
+        let output = running::tvc(&["monitor", "--json", "--seconds", "1.5", "--port", &path]);
+        over.store(true, Ordering::Relaxed);
+        output
+    });
+    let said = running::said(&output);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(
+        said.contains("no tvc-nano (MAVLink's autopilot 12)"),
+        "{said}"
+    );
+    let shown = String::from_utf8(output.stdout).unwrap();
+    assert!(shown.contains("\"attitude_rad\""), "{shown}");
+}
