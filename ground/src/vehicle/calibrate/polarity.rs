@@ -221,6 +221,7 @@ fn figures(looked: &[Looked]) -> Figures {
 fn look(session: &mut Session, at: &Look) -> Result<Looked> {
     session.vehicle.set_parameter(at.polarity, WATCHED)?;
     let direction = session.vehicle.parameter(at.direction)?;
+    let us_per_deg = f64::from(session.vehicle.parameter("SRV_US_PER_DEG")?);
     let pulse_us = |seen: Seen| seen.pulses_us[at.axis.index()];
     let upright_us = pulse_us(tilt(session, Tilt::Upright, at.upright, at.axis)?);
     let mut looked = Looked {
@@ -240,6 +241,11 @@ fn look(session: &mut Session, at: &Look) -> Result<Looked> {
             ));
             return Ok(looked);
         }
+        // At the virtual rig there is nothing else to look at.
+        session.say(&format!(
+            "commanded: pulse {upright_us} -> {tilted_us} us, servo {:+.0} deg",
+            change / us_per_deg
+        ));
         if !session.agrees(question)? {
             looked.refused = Some(format!(
                 "the rudder answers the wrong way: set {} to {} and look again; if the vehicle takes {}, the mount \

@@ -196,7 +196,7 @@ fn nudge(session: &mut Session, axis: Axis, what: &str, from_us: f32) -> Result<
     loop {
         let question = Question {
             words: &format!("{what}: now {pulse_us} us."),
-            keys: "A pulse in us, + or - for 5 us (++ for 10), Enter when it is so:",
+            keys: "Pulse in us, + or - for 5 us (++ for 10), Enter when it is so:",
             buttons: &[
                 ("\u{2212} 50", "----------"),
                 ("\u{2212} 5", "-"),

@@ -9,6 +9,9 @@ use super::person::{Person, Question};
 use super::picture::picture;
 use crate::out::file::print;
 
+/// Width of a line that fits every terminal.
+const LINE: usize = 78;
+
 /// The terminal of this program, or whatever its standard streams are.
 pub struct Terminal {
     bar: ProgressBar,
@@ -71,7 +74,13 @@ impl Person for Terminal {
     fn ask(&mut self, question: &Question<'_>) {
         // The bar is hidden until the next progress: the question stands on a line of its own.
         self.rest();
-        eprint!("{} {} ", question.words, question.keys);
+        let Question { words, keys, .. } = question;
+        // The keys have been said where the question is asked again.
+        match (question.again, words.len() + keys.len() < LINE) {
+            (true, _) => eprint!("{words} "),
+            (false, true) => eprint!("{words} {keys} "),
+            (false, false) => eprint!("{words}\n{keys} "),
+        }
         self.keyboard.get_or_insert_with(Keyboard::listen);
     }
 

@@ -209,6 +209,7 @@ fn a_nano_out_of_its_box_is_armed_after_its_rudder_was_seen_and_again_after_its_
     rig.json(&["param", "set", "SRV_DIR", "-1"]);
     assert_eq!(rig.parameters()["SRV_POLARITY"], 0.0);
     let output = rig.typing("y\nn\n", &["calibrate", "polarity"]);
+    assert!(said(&output).contains("us, servo -"), "{}", said(&output));
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     let refused = "refused: the rudder answers the wrong way: set SRV_DIR to 1";
     assert!(said(&output).contains(refused), "{}", said(&output));
@@ -253,6 +254,12 @@ fn a_servo_is_set_up_by_what_is_given_or_by_what_a_person_sees() {
         assert_eq!(rig.parameters()[name], value, "{name}");
     }
     assert_eq!(found["polarity_checked"], false);
+    // The keys stand on a line of their own, and once for each pulse.
+    let typed = rig.typing(keys, &["calibrate", "servo"]);
+    let asked = said(&typed)
+        .matches(" us.\nPulse in us, + or - for 5 us")
+        .count();
+    assert_eq!(asked, 3, "{}", said(&typed));
     let bad = rig.tvc(&["calibrate", "servo", "--centre", "1700", "--yes"]);
     assert_eq!(bad.status.code(), Some(2));
     assert!(said(&bad).contains("--centre 1700"), "{}", said(&bad));
