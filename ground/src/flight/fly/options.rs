@@ -28,7 +28,7 @@ Examples:
   cargo fly --vehicle rocket --seeds 12    a rocket through its burn: schedule, constant gains, cascade
   cargo fly --drone heavy.toml             another drone, another servo
   cargo fly --json > flight.json           figures for a script, nothing else on standard output
-  cargo fly --vibration 5,180 --servo-supply 4.8 --thrust-ramp 40,0.5
+  cargo fly --vibration 5,180 --servo-supply 5.5 --thrust-ramp 80,0.5
                                            an unbalanced propeller, a weak battery, a slow motor
   cargo fly --faults scenarios/faults.toml faults of the sensor at times of the flight
   cargo fly --replay walk.imuq             feed a real recording to the emulated BNO055
