@@ -24,8 +24,9 @@ build_tool() {
 
 case "${1:-}" in
   --check)
-    if [ -n "$(git -C "$tree" status --porcelain)" ]; then
-      echo "error: the clone would not have the changes that are not committed" >&2
+    changed=$(git -C "$tree" status --porcelain)
+    if [ -n "$changed" ]; then
+      printf 'error: the clone would not have what is not committed:\n%s\n' "$changed" >&2
       exit 1
     fi
     work=$(mktemp -d)

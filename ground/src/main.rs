@@ -7,6 +7,8 @@
 mod arguments;
 mod cli;
 mod config;
+#[cfg(test)]
+mod examples;
 mod filters;
 mod flight;
 #[cfg(test)]

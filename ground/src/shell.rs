@@ -13,8 +13,11 @@ use crate::out::file::print;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
+  mkdir -p ~/.local/share/bash-completion/completions
   tvc completions bash > ~/.local/share/bash-completion/completions/tvc
-  tvc completions zsh > ~/.zfunc/_tvc      with fpath+=~/.zfunc before compinit in ~/.zshrc
+  mkdir -p ~/.zfunc                        with fpath+=~/.zfunc before compinit in ~/.zshrc
+  tvc completions zsh > ~/.zfunc/_tvc
+  mkdir -p ~/.config/fish/completions
   tvc completions fish > ~/.config/fish/completions/tvc.fish
 
 Exit status: 0 done, 1 something failed, 2 unusable input.")]

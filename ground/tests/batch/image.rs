@@ -118,3 +118,21 @@ fn a_file_that_is_no_image_is_refused_before_everything_else() {
         assert_refused(&refused, "is not an image for this chip");
     }
 }
+
+/// What a newcomer tries first ends well, not with a requirement that was missed.
+#[test]
+fn the_examples_of_a_flight_in_the_help_meet_every_requirement() {
+    let folder = tempfile::tempdir().unwrap();
+    let help = String::from_utf8(tvc_in(folder.path(), &["fly", "--help"]).stdout).unwrap();
+    let examples: Vec<&str> = help
+        .lines()
+        .filter_map(|line| line.strip_prefix("  cargo "))
+        .filter_map(|line| line.split("  ").next())
+        .filter(|line| line.contains("--gains") || line.contains("--vibration"))
+        .collect();
+    assert_eq!(examples.len(), 2, "{examples:?}");
+    for example in examples {
+        let arguments: Vec<&str> = example.split(' ').collect();
+        assert_met(&tvc_in(folder.path(), &arguments));
+    }
+}

@@ -30,7 +30,7 @@ Examples:
   cargo tvc faults --phase saving                     chip, program and host, while parameters are stored
   cargo tvc faults --runs 10000 --shard 3/16 --out part3.csv
   cargo tvc faults merge part*.csv                    what many shards add up to
-  cargo tvc faults replay report/faults/unsafe-1.toml one unsafe run again
+  cargo tvc faults replay report/faults/unsafe-1.toml   one unsafe run again
 
 A run with a fault of the sensor or its cable is safe if the drone is back on course with control
 active (recovered), or if the firmware is in failsafe (neutral); in both cases without a missing or

@@ -30,7 +30,7 @@ Examples:
   cargo fly --json > flight.json           figures for a script, nothing else on standard output
   cargo fly --vibration 5,180 --servo-supply 5.5 --thrust-ramp 80,0.5
                                            an unbalanced propeller, a weak battery, a slow motor
-  cargo fly --faults scenarios/faults.toml faults of the sensor at times of the flight
+  cargo fly --faults scenarios/faults.toml     faults of the sensor at times of the flight
   cargo fly --replay walk.imuq             feed a real recording to the emulated BNO055
 
 Exit status: 0 every requirement met, 1 one missed or something failed, 2 unusable input.")]
