@@ -16,7 +16,6 @@ extern crate alloc;
 #[cfg(test)]
 extern crate std;
 
-mod both;
 mod complementary;
 mod config;
 mod error;
@@ -43,7 +42,6 @@ pub mod signal;
 mod vector;
 mod vqf;
 
-pub use both::{Both, BothAttitudes};
 pub use complementary::{Complementary, ComplementaryGains};
 pub use config::{Config, GRAVITY};
 pub use error::ConfigError;

@@ -1,8 +1,8 @@
-//! What an estimator knows, kept, set and given back; accelerations; both modes at once.
+//! What an estimator knows, kept, set and given back; and accelerations.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use tvc_fusion::{
-    Attitude, Both, Config, ConfigError, Estimator, Filter, GRAVITY, Mahony, MahonyGains,
+    Attitude, Config, ConfigError, Estimator, Filter, GRAVITY, Mahony, MahonyGains,
     Quaternion, Sample, State, Vqf, VqfGains,
 };
 
@@ -258,27 +258,4 @@ fn accelerations_are_told_apart_from_gravity() {
     let acc = (truth.inverse() * earth - down).cast::<f32>();
     assert!((attitude.linear_acceleration(&acc) - truth.inverse() * earth).norm() < 1e-5);
     assert!((attitude.earth_acceleration(&acc) - earth).norm() < 1e-5);
-}
-
-#[test]
-fn both_modes_at_once_are_what_each_is_alone_and_differ_by_the_heading() {
-    let truth = UnitQuaternion::from_euler_angles(0.4, -0.6, 1.0);
-    let mut both = Both::<Vqf<f64>>::new(&Config::default().without_lags()).expect("valid");
-    let (mut six, mut nine) = (started::<Vqf<f64>>(), started::<Vqf<f64>>());
-    let still = sample(&truth, Vector3::zeros(), Vector3::zeros());
-    let mut last = None;
-    for _ in 0..300 {
-        let attitudes = both.update(DT_S, &still);
-        let blind = Sample { mag: None, ..still };
-        assert_eq!(attitudes.six, six.update(DT_S, &blind));
-        assert_eq!(attitudes.nine, nine.update(DT_S, &still));
-        last = Some(attitudes);
-    }
-    let last = last.expect("some samples");
-    let yaw = |attitude: &Attitude<f64>| attitude.orientation.euler().yaw_rad;
-    let expected = yaw(&last.nine) - yaw(&last.six);
-    let full = core::f64::consts::TAU;
-    let apart = (last.heading_difference_rad - expected + full / 2.0).rem_euclid(full) - full / 2.0;
-    assert!(apart.abs() < 1e-3, "{apart}");
-    assert!((yaw(&last.nine) - 1.0).abs() < 1e-3);
 }
