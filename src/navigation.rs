@@ -4,7 +4,7 @@
 use core::f32::consts::PI;
 use core::mem;
 
-use tvc_fusion::fixed::{AnyFilter, AnyGains, Counts, Estimator, Orientation, Scale};
+use tvc_fusion::fixed::{self, AnyFilter, AnyGains, Counts, Ideal, Orientation, Scale, State};
 use tvc_fusion::{
     Attitude, BiasState, ComplementaryGains, Config, ConfigError, MadgwickGains, MahonyGains,
     Quality, VqfGains,
@@ -24,8 +24,9 @@ use crate::sensor::DESCRIPTION;
 /// The attitude, and all that it is made from.
 #[derive(Clone, Debug)]
 pub struct Navigation {
-    estimator: Estimator<AnyFilter>,
     settings: Settings,
+    estimator: fixed::Settings<AnyFilter, Ideal>,
+    state: State,
     /// Time of the newest sample used.
     last: Option<Micros>,
     /// The sample in body axes, with the newest field that the estimator has not had yet.
@@ -64,9 +65,11 @@ impl Navigation {
     #[inline(never)]
     pub fn new(params: &Params) -> Result<Self, ConfigError> {
         let settings = Settings::of(params);
+        let estimator = settings.estimator()?;
         Ok(Self {
-            estimator: settings.estimator()?,
             settings,
+            state: estimator.start(),
+            estimator,
             last: None,
             counts: Counts {
                 gyr: [0; 3],
@@ -90,6 +93,10 @@ impl Navigation {
         let settings = Settings::of(params);
         let changed = self.settings != settings;
         if changed {
+            // The settings are within their parameters' ranges.
+            if let Ok(estimator) = settings.estimator() {
+                self.estimator = estimator;
+            }
             self.settings = settings;
             self.restart();
         }
@@ -160,14 +167,16 @@ impl Navigation {
 
     /// The newest attitude.
     pub fn attitude(&self) -> Attitude {
-        self.estimator.attitude(&self.counts)
+        self.estimator.attitude(&self.state, &self.counts.gyr)
     }
 
     /// See [`Flight::memory`](crate::Flight::memory).
     pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
         const LEVELLING: u32 = 1 << 30;
         const KNOWN: u32 = 1 << 31;
-        self.estimator.memory(each);
+        for word in self.state.words_mut() {
+            *word = each(*word as i32) as u32;
+        }
         self.field_age_us = (each(self.field_age_us as i32) as u32).min(FIELD_LOST_US);
         self.owed_us = (each(self.owed_us as i32) as u32).min(ESTIMATOR_GAP_US as u32);
         self.blow.memory(each);
@@ -188,6 +197,10 @@ impl Navigation {
 
     /// The newest sample used was this one.
     pub(crate) fn resume(&mut self, raw: &RawSample) {
+        // Words that were told by no estimator would overflow.
+        if !self.estimator.accepts(&self.state) {
+            self.state = self.estimator.start();
+        }
         self.last = Some(raw.time);
         let counts = self.settings.mount.convert(raw);
         self.counts = Counts {
@@ -201,14 +214,14 @@ impl Navigation {
         // Half a turn is 2^31 as a binary angle, 2^18 without its last bits, and pi * 2^16 as a
         // Q16.
         const SCALE: Share16 = Share16::from_bits((PI / 4.0 * 65_536.0 + 0.5) as u16);
-        Q16::from_bits(self.estimator.orientation().pitch() >> 13).times(SCALE)
+        Q16::from_bits(self.estimator.orientation(&self.state).pitch() >> 13).times(SCALE)
     }
 
     /// The tilt of the body's vertical against the earth's, as a vector in the body's axes: its
     /// parts about y and x, rad, -pi to pi. Of a vehicle that has not rolled they are pitch and 0.
     pub fn tilt(&self) -> [Q16; 2] {
         self.estimator
-            .orientation()
+            .orientation(&self.state)
             .tilt_q28()
             .map(|part| Q16::from_bits(part >> 12))
     }
@@ -222,13 +235,14 @@ impl Navigation {
         let rate = |counts: i16, bias_q9: i32| {
             Q16::from_bits((i32::from(counts) << 9) - bias_q9).times(SCALE)
         };
-        let ([x, y, z], [bias_x, bias_y, bias_z]) = (self.counts.gyr, self.estimator.bias_q9());
+        let ([x, y, z], [bias_x, bias_y, bias_z]) =
+            (self.counts.gyr, self.estimator.bias_q9(&self.state));
         [rate(x, bias_x), rate(y, bias_y), rate(z, bias_z)]
     }
 
     /// Whether the attitude has settled since start-up.
     pub fn has_settled(&self) -> bool {
-        self.estimator.flags().initialised
+        self.estimator.flags(&self.state).initialised
     }
 
     /// How long before the newest sample the sensor measured its rates, us, but for the lag of its
@@ -244,7 +258,7 @@ impl Navigation {
 
     /// The newest attitude in fixed point.
     pub fn orientation(&self) -> Orientation {
-        self.estimator.orientation()
+        self.estimator.orientation(&self.state)
     }
 
     /// Standard deviations of tilt and heading, rad.
@@ -253,7 +267,7 @@ impl Navigation {
             tilt_rad,
             heading_rad,
             ..
-        } = self.estimator.quality();
+        } = self.estimator.quality(&self.state);
         [tilt_rad, heading_rad]
     }
 
@@ -261,13 +275,13 @@ impl Navigation {
     pub fn tilt_is_certain(&self) -> bool {
         const LIMIT: f32 = ARM_TILT_SD_DEG * (PI / 180.0);
         self.estimator
-            .tilt_is_within((LIMIT * LIMIT * 268_435_456.0) as i32)
+            .tilt_is_within(&self.state, (LIMIT * LIMIT * 268_435_456.0) as i32)
     }
 
     /// What is known of the gyroscope's offset. It is [`BiasState::Known`] once the attitude has
     /// been levelled with it, too, which takes a rest of some three and a half seconds.
     pub fn bias_state(&self) -> BiasState {
-        match (self.bias, self.estimator.bias_state()) {
+        match (self.bias, self.estimator.bias_state(&self.state)) {
             (Bias::Known, _) => BiasState::Known,
             (_, BiasState::Refused) => BiasState::Refused,
             _ => BiasState::Unknown,
@@ -281,10 +295,7 @@ impl Navigation {
         self.counts.mag = None;
         self.owed_us = 0;
         self.blow = Blow::default();
-        // The settings are within their parameters' ranges.
-        if let Ok(estimator) = self.settings.estimator() {
-            self.estimator = estimator;
-        }
+        self.state = self.estimator.start();
         self.bias = Bias::Unknown(0);
     }
 
@@ -302,10 +313,10 @@ impl Navigation {
         if dt_us <= LONGEST_STEP_US && due_us <= 2 * period_us && period_us <= LONGEST_STEP_US {
             let step_us = due_us.min(period_us);
             self.owed_us = due_us - step_us;
-            return self.estimator.update(step_us, counts);
+            return self.estimator.update(&mut self.state, step_us, counts);
         }
         if elapsed_us <= LONGEST_STEP_US || u64::from(dt_us) > DATA_AGE_LIMIT_US {
-            return self.estimator.update(elapsed_us, counts);
+            return self.estimator.update(&mut self.state, elapsed_us, counts);
         }
         let steps = elapsed_us.div_ceil(LONGEST_STEP_US);
         let step_us = elapsed_us / steps;
@@ -314,10 +325,10 @@ impl Navigation {
             ..*counts
         };
         for _ in 1..steps {
-            self.estimator.update(step_us, &unseen);
+            self.estimator.update(&mut self.state, step_us, &unseen);
         }
-        self.estimator
-            .update(elapsed_us - step_us * (steps - 1), counts);
+        let last_us = elapsed_us - step_us * (steps - 1);
+        self.estimator.update(&mut self.state, last_us, counts);
     }
 
     /// The estimator's step in free flight, for rates that are new after so long, us: in parts that
@@ -327,7 +338,8 @@ impl Navigation {
         let mut due_us = elapsed_us + mem::take(&mut self.owed_us);
         while due_us > 0 {
             let step_us = due_us.min(ESTIMATOR_PERIOD_US);
-            self.estimator.coast(step_us, &self.counts.gyr);
+            self.estimator
+                .coast(&mut self.state, step_us, &self.counts.gyr);
             due_us -= step_us;
         }
     }
@@ -349,10 +361,10 @@ impl Navigation {
     /// [`BIAS_REST_US`]. Then the attitude is levelled anew, for [`LEVEL_US`] without a motion.
     fn watch_rest(&mut self, dt_us: u32) {
         self.bias = match self.bias {
-            Bias::Unknown(_) if !self.estimator.flags().at_rest => Bias::Unknown(0),
+            Bias::Unknown(_) if !self.estimator.flags(&self.state).at_rest => Bias::Unknown(0),
             Bias::Unknown(us) if us + dt_us < BIAS_REST_US => Bias::Unknown(us + dt_us),
             Bias::Unknown(_) => {
-                self.estimator.level();
+                self.estimator.level(&mut self.state);
                 Bias::Levelling(0)
             }
             Bias::Levelling(_) if self.is_turning() => Bias::Unknown(0),
@@ -363,7 +375,11 @@ impl Navigation {
 
     /// Whether a rate is further from the offset than [`LEVEL_RATE`].
     fn is_turning(&self) -> bool {
-        let rates = self.counts.gyr.into_iter().zip(self.estimator.bias_q9());
+        let rates = self
+            .counts
+            .gyr
+            .into_iter()
+            .zip(self.estimator.bias_q9(&self.state));
         rates
             .into_iter()
             .any(|(rate, bias_q9)| (i32::from(rate) - (bias_q9 >> 9)).abs() > LEVEL_RATE)
@@ -402,14 +418,14 @@ impl Settings {
         }
     }
 
-    fn estimator(&self) -> Result<Estimator<AnyFilter>, ConfigError> {
+    fn estimator(&self) -> Result<fixed::Settings<AnyFilter, Ideal>, ConfigError> {
         let build = |gains| {
             let config = Config {
                 declination_rad: self.declination_deg * (PI / 180.0),
                 // The controller knows how old the rates are, and pitch and tilt need no heading.
                 ..Config::with_gains(gains).without_lags()
             };
-            Estimator::new(&config, &SCALE, ESTIMATOR_PERIOD_US)
+            fixed::Settings::new(&config, &SCALE, ESTIMATOR_PERIOD_US)
         };
         match self.filter {
             FilterKind::Vqf => build(AnyGains::Vqf(VqfGains::default())),

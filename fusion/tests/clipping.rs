@@ -87,12 +87,9 @@ where
         mag_ut: 0.1,
     };
     let period_us = (DT_S * 1e6) as u32;
-    let mut estimator = fixed::Estimator::<F, fixed::Recovered>::with_recovery(
-        &Config::default(),
-        &scale,
-        period_us,
-    )
-    .expect("valid");
+    let mut estimator =
+        fixed::Estimator::<F, fixed::Clipped>::new(&Config::default(), &scale, period_us)
+            .expect("valid");
     move |sample| {
         let count = |v: Vector3<f32>, unit: f32| [v.x, v.y, v.z].map(|v| (v / unit).round() as i16);
         let counts = fixed::Counts {
@@ -101,7 +98,7 @@ where
             mag: sample.mag.map(|mag| count(mag, scale.mag_ut)),
         };
         estimator.update(period_us, &counts);
-        estimator.attitude(&counts)
+        estimator.attitude()
     }
 }
 

@@ -143,8 +143,8 @@ fn handled<F: Filter>(config: &Config<F::Gains>, inputs: &[Input]) -> u64 {
     hash.0
 }
 
-fn in_fixed<F: fixed::Filter, R: fixed::OverRange>(
-    mut estimator: fixed::Estimator<F, R>,
+fn in_fixed<F: fixed::Filter, S: fixed::Sensors>(
+    mut estimator: fixed::Estimator<F, S>,
     inputs: &[Input],
 ) -> u64 {
     let mut hash = Hash::new();
@@ -164,7 +164,7 @@ fn in_fixed<F: fixed::Filter, R: fixed::OverRange>(
         hash.word(estimator.tilt_is_within(100_000).into());
         if index % 50 == 0 {
             hash.quality(&estimator.quality());
-            hash.attitude(&estimator.attitude(&input.counts));
+            hash.attitude(&estimator.attitude());
             let angles = orientation.angles();
             hash.words([angles.roll, angles.pitch, angles.yaw, orientation.pitch()]);
             hash.words(orientation.tilt_q28());
@@ -198,7 +198,7 @@ fn fixed_of<F: fixed::Filter>(name: &str, hashes: &mut Hashes)
 where
     F::Gains: Default,
 {
-    let prompt = {
+    let ideal = {
         let mut config = Config::<F::Gains>::default().without_lags();
         config.field.adopt_s = 3.0;
         config
@@ -211,15 +211,13 @@ where
         ("motion", generated(), 10_000),
         ("recording", recorded(), 3_500),
     ] {
-        let new = |config: &Config<F::Gains>| {
-            fixed::Estimator::<F>::new(config, &SCALE, period_us).expect("in range")
-        };
-        let recovered =
-            fixed::Estimator::<F, fixed::Recovered>::with_recovery(&late, &SCALE, period_us);
+        let ideal = fixed::Estimator::<F, fixed::Ideal>::new(&ideal, &SCALE, period_us);
+        let known = fixed::Estimator::<F, fixed::Late>::new(&late, &SCALE, period_us);
+        let clipped = fixed::Estimator::<F, fixed::Clipped>::new(&late, &SCALE, period_us);
         for (variant, hash) in [
-            ("prompt", in_fixed(new(&prompt), &inputs)),
-            ("late", in_fixed(new(&late), &inputs)),
-            ("clipped", in_fixed(recovered.expect("in range"), &inputs)),
+            ("prompt", in_fixed(ideal.expect("in range"), &inputs)),
+            ("late", in_fixed(known.expect("in range"), &inputs)),
+            ("clipped", in_fixed(clipped.expect("in range"), &inputs)),
         ] {
             hashes.push((format!("{name} {variant}, {inputs_name}"), hash));
         }

@@ -43,9 +43,9 @@ fn error_deg<F: Filter<Real = f32>>(late: (f64, f64), config: &Config<F::Gains>)
 }
 
 /// The same of a filter in fixed point, on the counts of a BNO055.
-fn fixed_error_deg<F: fixed::Filter, R: fixed::OverRange>(
+fn fixed_error_deg<F: fixed::Filter, S: fixed::Sensors>(
     late: (f64, f64),
-    mut estimator: fixed::Estimator<F, R>,
+    mut estimator: fixed::Estimator<F, S>,
 ) -> f64 {
     let scale = fixed::Scale::BNO055;
     let counts = |v: Vector3<f32>, unit: f32| [v.x, v.y, v.z].map(|v| (v / unit).round() as i16);
@@ -71,7 +71,8 @@ where
     let late = (0.006, 0.03);
     let ignored = Config::<F::Gains>::default().without_lags();
     let error_deg = |config: &Config<F::Gains>| {
-        let estimator = fixed::Estimator::<F>::new(config, scale, period_us).expect("valid");
+        let estimator =
+            fixed::Estimator::<F, fixed::Late>::new(config, scale, period_us).expect("valid");
         fixed_error_deg(late, estimator)
     };
     let error = error_deg(&ignored);
@@ -88,7 +89,7 @@ where
         ..Config::default()
     };
     let estimator =
-        fixed::Estimator::<F, _>::with_recovery(&learned, scale, period_us).expect("valid");
+        fixed::Estimator::<F, fixed::Clipped>::new(&learned, scale, period_us).expect("valid");
     let error = fixed_error_deg(late, estimator);
     assert!(error < 0.6, "{error} deg where the field's lag is learned");
 }

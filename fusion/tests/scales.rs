@@ -5,8 +5,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence::WithSource;
 use tvc_fusion::fixed::{
-    Complementary, Counts, Estimator, Filter, Ignored, Madgwick, Mahony, OverRange, PERIOD_US,
-    Recovered, Scale, Vqf,
+    Clipped, Complementary, Counts, Estimator, Filter, Late, Madgwick, Mahony, PERIOD_US, Scale,
+    Sensors, Vqf,
 };
 use tvc_fusion::{Config, ConfigError, GRAVITY};
 
@@ -173,8 +173,8 @@ fn any_scale() -> impl Strategy<Value = Scale> {
         })
 }
 
-fn take<F: Filter, R: OverRange>(
-    estimator: &mut Estimator<F, R>,
+fn take<F: Filter, S: Sensors>(
+    estimator: &mut Estimator<F, S>,
     steps: &[([i16; 9], bool, u16, u32)],
 ) {
     for ([gx, gy, gz, ax, ay, az, mx, my, mz], has_field, times, dt_us) in steps {
@@ -211,10 +211,10 @@ fn survives<F: Filter<Gains: Default>>(
         ..Config::default()
     };
     // A scale for which the gains have no room is refused.
-    if let Ok(mut plain) = Estimator::<F, Ignored>::new(&config, scale, period_us) {
+    if let Ok(mut plain) = Estimator::<F, Late>::new(&config, scale, period_us) {
         take(&mut plain, steps);
     }
-    if let Ok(mut recovered) = Estimator::<F, Recovered>::with_recovery(&config, scale, period_us) {
+    if let Ok(mut recovered) = Estimator::<F, Clipped>::new(&config, scale, period_us) {
         take(&mut recovered, steps);
     }
 }

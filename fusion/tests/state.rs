@@ -2,8 +2,8 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use tvc_fusion::{
-    Attitude, Config, ConfigError, Estimator, Filter, GRAVITY, Mahony, MahonyGains,
-    Quaternion, Sample, State, Vqf, VqfGains,
+    Attitude, Config, ConfigError, Estimator, Filter, GRAVITY, Mahony, MahonyGains, Quaternion,
+    Sample, State, Vqf, VqfGains,
 };
 
 const DT_S: f32 = 0.01;

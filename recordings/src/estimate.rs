@@ -118,13 +118,10 @@ where
     let step_us = (period_us / parts).round() as u32;
     if parts > 1.0 {
         // Without recovery from clipping: a rate that is repeated looks like one that is clipped.
-        let estimator = fixed::Estimator::<F>::new(&config, &scale, step_us).map_err(refused)?;
-        return Ok(Counted::boxed(estimator, scale, parts as u32));
+        return Counted::<F, fixed::Late>::boxed(&config, scale, step_us, parts as u32)
+            .map_err(refused);
     }
-    let estimator =
-        fixed::Estimator::<F, fixed::Recovered>::with_recovery(&config, &scale, step_us)
-            .map_err(refused)?;
-    Ok(Counted::boxed(estimator, scale, 1))
+    Counted::<F, fixed::Clipped>::boxed(&config, scale, step_us, 1).map_err(refused)
 }
 
 pub(crate) fn config<G: Gains>(choice: &Choice, facts: &Facts) -> Result<Config<G>, ChoiceError> {
@@ -171,8 +168,8 @@ pub(crate) fn double<T: Real>(value: T) -> f64 {
 }
 
 /// An estimator in fixed point: SI values are turned back into the counts that they came from.
-struct Counted<F, R> {
-    estimator: fixed::Estimator<F, R>,
+struct Counted<F, S: fixed::Sensors> {
+    estimator: fixed::Estimator<F, S>,
     scale: fixed::Scale,
     /// Number of equal steps that a sampling period is divided into.
     parts: u32,
@@ -180,22 +177,23 @@ struct Counted<F, R> {
     owed_us: f64,
 }
 
-impl<F: fixed::Filter + 'static, R: fixed::OverRange + 'static> Counted<F, R> {
+impl<F: fixed::Filter + 'static, S: fixed::Sensors + 'static> Counted<F, S> {
     fn boxed(
-        estimator: fixed::Estimator<F, R>,
+        config: &Config<F::Gains>,
         scale: fixed::Scale,
+        step_us: u32,
         parts: u32,
-    ) -> Box<dyn Engine> {
-        Box::new(Self {
-            estimator,
+    ) -> Result<Box<dyn Engine>, ConfigError> {
+        Ok(Box::new(Self {
+            estimator: fixed::Estimator::new(config, &scale, step_us)?,
             scale,
             parts,
             owed_us: 0.0,
-        })
+        }))
     }
 }
 
-impl<F: fixed::Filter, R: fixed::OverRange> Engine for Counted<F, R> {
+impl<F: fixed::Filter, S: fixed::Sensors> Engine for Counted<F, S> {
     fn update(&mut self, dt_s: f64, sample: &RecordedSample, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
         // NaN becomes zero, as does time that goes backwards.
         let counts = |v: [f64; 3], unit: f32| v.map(|c| (c / f64::from(unit)).round() as i16);

@@ -10,7 +10,7 @@ use crate::launch::Launch;
 
 impl Flight {
     /// Words of [`Flight::memory`].
-    pub const MEMORY_WORDS: usize = tvc_fusion::fixed::MEMORY_WORDS
+    pub const MEMORY_WORDS: usize = tvc_fusion::fixed::State::WORDS
         + 14
         + Launch::MEMORY_WORDS
         + Axis::COUNT * Channel::MEMORY_WORDS;

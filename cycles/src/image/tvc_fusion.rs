@@ -34,7 +34,7 @@ where
 }
 
 /// A filter in fixed point, with or without a magnetometer.
-pub struct Fixed<F: fixed::Filter, const MAG: bool>(fixed::Estimator<F>);
+pub struct Fixed<F: fixed::Filter, const MAG: bool>(fixed::Estimator<F, fixed::Ideal>);
 
 /// A sample in counts of a BNO055.
 #[repr(C)]

@@ -25,9 +25,10 @@
 //! The reference is first taken from single fields, as tilt and heading are not found yet, then
 //! averaged over 16, then followed by a power of two of the difference.
 
+use bytemuck::{Pod, Zeroable};
+
 use super::counts::Scale;
 use super::format::{Q4, Q8, Q15, nearest_log2, positive};
-use super::memory::all;
 use super::rotation::{Products, dot};
 use crate::error::{ConfigError, in_range};
 use crate::field::{FieldConfig, JUDGE_S, JUDGE_SAMPLES, MIN_HORIZONTAL_UT};
@@ -52,14 +53,43 @@ const ANYTHING: Q8 = 1 << 29;
 /// BNO055.
 const FIRST: Q4 = 256 << 4;
 
-/// `Compass::due` of a field that is to be compared; that of one to be decided on is one less.
+/// Least and largest horizontal field whose reciprocal fits, counts.
+const LIMITS: (Q4, Q4) = (32 << 4, 1 << 21);
+
+/// Least reciprocal from which Newton's steps find back.
+const LEAST_INVERSE: i32 = 64;
+
+/// Largest part of a field, counts: more than 16 bits along three axes make.
+const MOST: Q8 = 1 << 24;
+
+/// `CompassState::due` of a field that is to be compared; that of one to be decided on is one less.
 const COMPARE: u32 = 2;
 
-/// The magnetometer as a compass, and the reference that it is held to. First what every field
-/// sample touches.
-#[derive(Clone, Debug)]
+/// The magnetometer as a compass: limits in counts, times in samples.
+#[derive(Clone, Debug, PartialEq)]
 #[repr(C)]
 pub(super) struct Compass {
+    /// Samples between judgements.
+    interval: u32,
+    /// Gate as a fraction of the reference's length.
+    gate: Q8,
+    /// Horizontal field below which a compass has no direction, counts.
+    min_horizontal: Q8,
+    /// Share of a field in the reference once that is learned, as a negative power of two.
+    follow: u32,
+    /// Limit of `rejected`: then the heading follows the field at half the gain.
+    max_rejected: u32,
+    /// Limit of `turned`: then the other field becomes the reference.
+    max_turned: u32,
+    /// Sum of the rates' sizes beyond which the body turns, counts.
+    adopt_rate: u32,
+}
+
+/// The reference that the compass is held to, and the judgement under way. First what every field
+/// sample touches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct CompassState {
     /// `2^27 / limit`.
     inverse: i32,
     /// The horizontal part of the reference that the reciprocal has come to, counts: the largest
@@ -67,10 +97,8 @@ pub(super) struct Compass {
     limit: Q4,
     /// Weight of the field, in parts of `FULL`.
     weight: i32,
-    /// Samples between judgements.
-    interval: u32,
-    /// Sample number of the last field that was kept for a judgement.
-    last: u32,
+    /// Sample number from which on the next field is kept for a judgement.
+    judge_at: u32,
     /// Steps of the judgement that are to come: `COMPARE` and down to 0, none.
     due: u32,
     /// The field that is judged: north, east and down, counts.
@@ -85,91 +113,20 @@ pub(super) struct Compass {
     tolerance: Q8,
     /// By how much the newest field was within the tolerance, counts; negative beyond it.
     margin: Q8,
-    /// Gate as a fraction of the reference's length.
-    gate: Q8,
-    /// Horizontal field below which a compass has no direction, counts.
-    min_horizontal: Q8,
     /// Field samples that the reference stands on, while it is learned.
     judged: i32,
     /// The share of the next field in the reference, as a negative power of two.
     share: u32,
-    /// That share once the reference is learned.
-    follow: u32,
-    /// Sample number of the field judged before.
+    /// Sample number of the field that is judged, and of the one judged before.
+    last: u32,
     before: u32,
     /// Samples for which another field has been there.
     rejected: u32,
     /// Those of them in which the body turned.
     turned: u32,
-    /// Limit of `rejected`: then the heading follows the field at half the gain.
-    max_rejected: u32,
-    /// Limit of `turned`: then the other field becomes the reference.
-    max_turned: u32,
-    /// Sum of the rates' sizes beyond which the body turns, counts.
-    adopt_rate: u32,
 }
 
-/// Limits in counts, times in samples.
-pub(super) struct Limits {
-    min_horizontal: Q8,
-    gate: Q8,
-    /// Base-2 logarithm of the judgements in the reference's time constant.
-    log2_follow: u8,
-    max_rejected: u32,
-    max_turned: u32,
-    adopt_rate: u32,
-}
-
-impl Compass {
-    pub(super) fn new(limits: &Limits, period_s: f32) -> Self {
-        Self {
-            inverse: (1 << 27) / FIRST,
-            limit: FIRST,
-            weight: FULL,
-            interval: u32::from(JUDGE_SAMPLES).max((JUDGE_S / period_s) as u32 + 1),
-            last: 0,
-            due: 0,
-            seen: [0; 3],
-            reference: [limits.min_horizontal, 0],
-            met: [0; 2],
-            candidate: [0; 2],
-            tolerance: ANYTHING,
-            margin: 0,
-            gate: limits.gate,
-            min_horizontal: limits.min_horizontal,
-            judged: -FORGOTTEN,
-            share: 0,
-            follow: limits.log2_follow.into(),
-            before: 0,
-            rejected: 0,
-            turned: 0,
-            max_rejected: limits.max_rejected,
-            max_turned: limits.max_turned,
-            adopt_rate: limits.adopt_rate,
-        }
-    }
-
-    /// See [`Estimator::memory`](super::Estimator::memory).
-    #[inline(never)]
-    pub(super) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        self.inverse = each(self.inverse);
-        self.limit = each(self.limit);
-        self.weight = each(self.weight);
-        self.last = each(self.last as i32) as u32;
-        self.due = each(self.due as i32) as u32;
-        all(&mut self.seen, each);
-        all(&mut self.reference, each);
-        all(&mut self.met, each);
-        all(&mut self.candidate, each);
-        self.tolerance = each(self.tolerance);
-        self.margin = each(self.margin);
-        self.judged = each(self.judged);
-        self.share = each(self.share as i32) as u32;
-        self.before = each(self.before as i32) as u32;
-        self.rejected = each(self.rejected as i32) as u32;
-        self.turned = each(self.turned as i32) as u32;
-    }
-
+impl CompassState {
     /// The field that was judged last is not like the reference.
     pub(super) fn is_disturbed(&self) -> bool {
         self.margin < 0
@@ -192,37 +149,15 @@ impl Compass {
         (self.judged == LEARNING).then(|| self.reference.map(|part| part >> BITS))
     }
 
-    /// Sine of the heading error that a field in counts shows, times its weight.
-    #[inline(always)]
-    pub(super) fn heading(
-        &mut self,
-        p: &Products,
-        down: &[Q15; 3],
-        mag: &[i32; 3],
-        tick: u32,
-    ) -> Q15 {
-        let (north, east) = (dot(&p.north(), mag), dot(&p.east(), mag));
-        if tick.wrapping_sub(self.last) >= self.interval {
-            self.last = tick;
-            self.due = COMPARE;
-            self.seen = [north, east, dot(down, mag)].map(|q15| q15 >> (15 - BITS));
-        }
-        let sign = east >> 31;
-        let max = (self.limit ^ sign) - sign;
-        let across = east >> 11;
-        // Beyond a right angle all of it is across, and twice that: back sooner.
-        let across = if north < 0 {
-            2 * max
-        } else if (across ^ sign) > (max ^ sign) {
-            max
-        } else {
-            across
-        };
-        -((((across * self.inverse) >> 12) * self.weight) >> 3)
+    /// The reciprocal follows the reference by a Newton step.
+    fn invert(&mut self) {
+        self.limit = (self.reference[0] >> (BITS - 4)).min(self.limit + (self.limit >> 1));
+        let error = (1 << 27) - self.limit * self.inverse;
+        self.inverse += ((self.inverse >> 3) * (error >> 12)) >> 12;
     }
 }
 
-impl Limits {
+impl Compass {
     #[inline(always)]
     pub(super) fn new(
         config: &FieldConfig,
@@ -236,73 +171,116 @@ impl Limits {
         in_range(config.adopt_rate_rad_s, 0.0, 10.0, "field.adopt_rate_rad_s")?;
         let samples = |time_s: f32| (time_s / period_s) as u32;
         Ok(Self {
+            interval: u32::from(JUDGE_SAMPLES).max((JUDGE_S / period_s) as u32 + 1),
+            gate: (config.gate.min(64.0) * 256.0) as i32,
             // Below 32 counts the reciprocal would not fit.
             min_horizontal: ((MIN_HORIZONTAL_UT / scale.mag_ut) as i32).max(32) << BITS,
-            gate: (config.gate.min(64.0) * 256.0) as i32,
-            log2_follow: nearest_log2(config.tau_s / JUDGE_S).min(15),
+            follow: nearest_log2(config.tau_s / JUDGE_S).min(15).into(),
             max_rejected: samples(config.reject_s),
             max_turned: samples(config.adopt_s),
             adopt_rate: (config.adopt_rate_rad_s / scale.gyr_rad_s) as u32,
         })
     }
-}
 
-impl Compass {
+    pub(super) fn start(&self) -> CompassState {
+        CompassState {
+            inverse: (1 << 27) / FIRST,
+            limit: FIRST,
+            weight: FULL,
+            judge_at: self.interval,
+            reference: [self.min_horizontal, 0],
+            met: [self.min_horizontal, 0],
+            tolerance: ANYTHING,
+            judged: -FORGOTTEN,
+            ..CompassState::zeroed()
+        }
+    }
+
+    /// Sine of the heading error that a field in counts shows, times its weight.
+    #[inline(always)]
+    pub(super) fn heading(
+        &self,
+        state: &mut CompassState,
+        p: &Products,
+        down: &[Q15; 3],
+        mag: &[i32; 3],
+        tick: u32,
+    ) -> Q15 {
+        let (north, east) = (dot(&p.north(), mag), dot(&p.east(), mag));
+        if tick.wrapping_sub(state.judge_at) as i32 >= 0 {
+            (state.last, state.judge_at) = (tick, tick.wrapping_add(self.interval));
+            state.due = COMPARE;
+            state.seen = [north, east, dot(down, mag)].map(|q15| q15 >> (15 - BITS));
+        }
+        let sign = east >> 31;
+        let max = (state.limit ^ sign) - sign;
+        let across = east >> 11;
+        // Beyond a right angle all of it is across, and twice that: back sooner.
+        let across = if north < 0 {
+            2 * max
+        } else if (across ^ sign) > (max ^ sign) {
+            max
+        } else {
+            across
+        };
+        -((((across * state.inverse) >> 12) * state.weight) >> 3)
+    }
+
     /// Judge the field that was kept, in two steps: this is the next.
     #[inline(never)]
-    pub(super) fn judge(&mut self, gyr: &[i16; 3]) {
-        self.due -= 1;
-        if self.due == COMPARE - 1 {
-            self.compare();
+    pub(super) fn judge(&self, state: &mut CompassState, gyr: &[i16; 3]) {
+        state.due -= 1;
+        if state.due == COMPARE - 1 {
+            self.compare(state);
         } else {
-            self.decide(gyr);
+            self.decide(state, gyr);
         }
     }
 
     /// How far the field is from the reference, which follows it if it is near.
-    fn compare(&mut self) {
-        let [north, east, down] = self.seen;
-        self.met = [length(north, east).max(self.min_horizontal), down];
+    fn compare(&self, state: &mut CompassState) {
+        let [north, east, down] = state.seen;
+        state.met = [length(north, east).max(self.min_horizontal), down];
         let (dh, dv) = (
-            self.met[0] - self.reference[0],
-            self.met[1] - self.reference[1],
+            state.met[0] - state.reference[0],
+            state.met[1] - state.reference[1],
         );
-        self.margin = self.tolerance - dh.abs() - dv.abs();
-        if self.margin >= 0 {
-            let share = self.share & 31;
-            self.reference[0] += dh >> share;
-            self.reference[1] += dv >> share;
+        state.margin = state.tolerance - dh.abs() - dv.abs();
+        if state.margin >= 0 {
+            let share = state.share & 31;
+            state.reference[0] += dh >> share;
+            state.reference[1] += dv >> share;
         }
-        self.invert();
+        state.invert();
     }
 
     /// What the comparison makes of the weight, the tolerance and the candidate.
-    fn decide(&mut self, gyr: &[i16; 3]) {
-        let elapsed = self.last.wrapping_sub(self.before);
-        self.before = self.last;
-        if self.margin >= 0 {
-            self.rejected = 0;
-            self.turned = 0;
-            if self.judged < LEARNING {
-                self.judged += 1;
-                self.share += u32::from((self.judged >> 1) >> (self.share & 31) > 0);
+    fn decide(&self, state: &mut CompassState, gyr: &[i16; 3]) {
+        let elapsed = state.last.wrapping_sub(state.before);
+        state.before = state.last;
+        if state.margin >= 0 {
+            state.rejected = 0;
+            state.turned = 0;
+            if state.judged < LEARNING {
+                state.judged += 1;
+                state.share += u32::from((state.judged >> 1) >> (state.share & 31) > 0);
             } else {
-                self.share = self.follow;
+                state.share = self.follow;
                 // A part of the whole in parts of `FULL`, rounded up to quarters: a sign is -1.
-                let quarter = self.tolerance >> 2;
+                let quarter = state.tolerance >> 2;
                 let sign = |value: i32| value >> 31;
                 let quarters = 4
-                    + sign(self.margin - quarter)
-                    + sign(self.margin - 2 * quarter)
-                    + sign(self.margin - 3 * quarter);
-                self.weight = quarters * (FULL / 4);
-                let [horizontal, vertical] = self.reference;
-                self.tolerance = (length(horizontal, vertical) >> BITS) * self.gate;
+                    + sign(state.margin - quarter)
+                    + sign(state.margin - 2 * quarter)
+                    + sign(state.margin - 3 * quarter);
+                state.weight = quarters * (FULL / 4);
+                let [horizontal, vertical] = state.reference;
+                state.tolerance = (length(horizontal, vertical) >> BITS) * self.gate;
             }
             return;
         }
-        self.rejected = self.rejected.wrapping_add(elapsed);
-        self.weight = if self.rejected > self.max_rejected {
+        state.rejected = state.rejected.wrapping_add(elapsed);
+        state.weight = if state.rejected > self.max_rejected {
             FULL / 2
         } else {
             0
@@ -310,24 +288,36 @@ impl Compass {
         // Does it stay the same while the body turns? By a tolerance of its own: that of a strong
         // reference would take any weak field for none at all. Its larger part stands for its
         // length, which would take longer.
-        let ([h, v], [like_h, like_v]) = (self.met, self.candidate);
+        let ([h, v], [like_h, like_v]) = (state.met, state.candidate);
         let tolerance = (like_h.max(like_v.abs()) >> BITS) * self.gate;
         if (h - like_h).abs() + (v - like_v).abs() > tolerance {
-            self.candidate = self.met;
-            self.turned = 0;
+            state.candidate = state.met;
+            state.turned = 0;
         } else if size(gyr) > self.adopt_rate {
-            self.turned = self.turned.wrapping_add(elapsed);
-            if self.turned > self.max_turned {
-                self.reference = self.candidate;
+            state.turned = state.turned.wrapping_add(elapsed);
+            if state.turned > self.max_turned {
+                state.reference = state.candidate;
             }
         }
     }
 
-    /// The reciprocal follows the reference by a Newton step.
-    fn invert(&mut self) {
-        self.limit = (self.reference[0] >> (BITS - 4)).min(self.limit + (self.limit >> 1));
-        let error = (1 << 27) - self.limit * self.inverse;
-        self.inverse += ((self.inverse >> 3) * (error >> 12)) >> 12;
+    /// Whether the numbers are ones that an update can have left.
+    pub(super) fn is_sound(&self, state: &CompassState) -> bool {
+        let (least, most) = LIMITS;
+        let parts = [state.reference, state.met, state.candidate];
+        (least..=most).contains(&state.limit)
+            && state.inverse >= LEAST_INVERSE
+            && state.inverse.checked_mul(state.limit).is_some_and(|one| one < 1 << 28)
+            && (0..=FULL).contains(&state.weight)
+            && state.due <= COMPARE
+            && state.reference[0] >= self.min_horizontal
+            && state.met[0] >= self.min_horizontal
+            // There is none yet, or it may become the reference.
+            && (state.candidate == [0; 2] || state.candidate[0] >= self.min_horizontal)
+            && state.seen.iter().chain(parts.as_flattened()).all(|part| (-MOST..=MOST).contains(part))
+            && (0..=3 << 29).contains(&state.tolerance)
+            && (-FORGOTTEN..=LEARNING).contains(&state.judged)
+            && state.share <= 31
     }
 }
 

@@ -41,8 +41,9 @@
 //! - While the gains are those of a running mean, that is smooth enough: the error is taken as it
 //!   is, and `z` stays 0.
 
+use bytemuck::{Pod, Zeroable};
+
 use super::format::{Q8, Q15, Q16, Q31, inverse_root, normalised};
-use super::memory::all;
 use super::rotation::{Products, dot};
 use super::start_up::Gains;
 use crate::complementary::ComplementaryGains;
@@ -63,10 +64,13 @@ const EIGHTH: i32 = 1 << 13;
 /// Largest correction of the heading whose product with a row in Q15 fits, Q(16 + `heading_shift`).
 const MAX_HEADING_TURN: i32 = 7 << 13;
 
-/// Gain of the tilt correction: from an error in Q15 counts to half an angle in Q31.
-#[derive(Clone, Copy, Debug)]
-pub struct Gain {
-    /// What the error, cut by 11 bits, is multiplied by.
+/// A gain: for the tilt from an error in Q15 counts to half an angle in Q31, for the heading from a
+/// sine in Q15 to half an angle in Q16.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Gain {
+    /// What the tilt error, cut by 11 bits, is multiplied by; for the heading below `2^13`, Q(15 +
+    /// `shift`).
     pub(super) factor: i32,
     /// Right shift of the product.
     pub(super) shift: u32,
@@ -79,19 +83,20 @@ impl Gain {
     }
 }
 
-/// A filter in fixed point: how accelerometer and magnetometer become a correction.
-pub trait Filter: Sized {
+/// A filter in fixed point: [`Vqf`], [`Mahony`], [`Madgwick`], [`Complementary`], or
+/// [`AnyFilter`](super::AnyFilter). What makes a correction of accelerometer and magnetometer.
+pub trait Filter: sealed::Sealed + Sized {
     /// Its gains, the same as of the float filter.
     type Gains: Copy;
 
-    /// Build the coefficients for a sampling period and an accelerometer that has `per_g` counts at
-    /// standard gravity.
-    ///
-    /// # Errors
-    /// A gain out of range, or one that does not exist in fixed point, by name.
+    /// The coefficients for a sampling period and an accelerometer that has `per_g` counts at
+    /// standard gravity. A gain out of range, or one that does not exist in fixed point, is refused
+    /// by name.
+    #[doc(hidden)]
     fn new(gains: &Self::Gains, period_s: f32, per_g: f32) -> Result<Self, ConfigError>;
 
     /// Rates, 1/s, at which tilt and heading follow: a running mean is over when it is as slow.
+    #[doc(hidden)]
     fn rates(gains: &Self::Gains, period_s: f32) -> (f32, f32);
 
     /// What the tilt gain is for: the counts that a tilt error of a right angle has.
@@ -102,11 +107,50 @@ pub trait Filter: Sized {
 
     /// The correction of a step.
     #[doc(hidden)]
-    fn correction(&mut self, view: &View<'_>) -> Correction;
+    fn correction(&self, state: &mut FilterState, view: &View<'_>) -> Correction;
+}
 
-    /// See [`Estimator::memory`](super::Estimator::memory).
-    #[doc(hidden)]
-    fn memory(&mut self, _: &mut impl FnMut(i32) -> i32) {}
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for super::Vqf {}
+    impl Sealed for super::Mahony {}
+    impl Sealed for super::Madgwick {}
+    impl Sealed for super::Complementary {}
+    impl Sealed for crate::fixed::AnyFilter {}
+}
+
+/// What a filter remembers: the same words for all, of which the VQF class alone needs any.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct FilterState {
+    /// Smoothed horizontal acceleration, north and east, counts.
+    smooth: [Q8; 2],
+    /// Remainder of the smoothing, Q17 counts, below a bit of `smooth`.
+    remainder: [i32; 2],
+    /// Half angle about north and east that is still to be applied.
+    carry: [Q31; 2],
+}
+
+/// Largest smoothed acceleration, counts: what 16 bits along three axes make, with a norm that is
+/// off by a hundredth.
+const MOST_SMOOTH: Q8 = 14_700_000;
+
+/// Bits of `remainder` and of `carry`.
+const REMAINDER: i32 = 0x1ff;
+const CARRY: i32 = 0x1fff;
+
+impl FilterState {
+    /// Whether the numbers are ones that an update can have left.
+    pub(super) fn is_sound(&self) -> bool {
+        self.smooth
+            .iter()
+            .all(|smooth| (-MOST_SMOOTH..=MOST_SMOOTH).contains(smooth))
+            && self
+                .remainder
+                .iter()
+                .all(|left| (0..=REMAINDER).contains(left))
+            && self.carry.iter().all(|left| (0..=CARRY).contains(left))
+    }
 }
 
 /// The correction of a step.
@@ -119,7 +163,7 @@ pub struct Correction {
 
 /// The heading error of a field.
 #[derive(Clone, Copy)]
-pub struct Heading {
+pub(super) struct Heading {
     /// Sine of the error, times the field's weight.
     pub(super) sine: Q15,
     /// Samples that it stands for, those since the last field.
@@ -166,13 +210,13 @@ impl View<'_> {
         let Some(Heading { sine, samples }) = self.heading else {
             return 0;
         };
-        self.limited(((sine * self.gains.heading) >> 15) * samples)
+        self.limited(((sine * self.gains.heading.factor) >> 15) * samples)
     }
 
     /// A correction of the heading, as far as it goes.
     #[inline(always)]
     fn limited(&self, heading: i32) -> i32 {
-        let max = (EIGHTH << (self.gains.heading_shift & 31)).min(MAX_HEADING_TURN);
+        let max = (EIGHTH << (self.gains.heading.shift & 31)).min(MAX_HEADING_TURN);
         // Not `clamp`, which would panic were the limit negative.
         heading.min(max).max(-max)
     }
@@ -200,7 +244,7 @@ fn least(per_g: f32) -> u32 {
 }
 
 /// Mahony's filter: see [`crate::Mahony`].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Mahony;
 
 impl Filter for Mahony {
@@ -216,13 +260,13 @@ impl Filter for Mahony {
     }
 
     #[inline(always)]
-    fn correction(&mut self, view: &View<'_>) -> Correction {
+    fn correction(&self, _: &mut FilterState, view: &View<'_>) -> Correction {
         view.proportional(view.error(view.acc))
     }
 }
 
 /// The complementary filter: see [`crate::Complementary`].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Complementary {
     /// Square of the least specific force that is used, counts.
     least: u32,
@@ -249,7 +293,7 @@ impl Filter for Complementary {
     }
 
     #[inline(always)]
-    fn correction(&mut self, view: &View<'_>) -> Correction {
+    fn correction(&self, _: &mut FilterState, view: &View<'_>) -> Correction {
         let up = direction(view.acc, self.least);
         view.proportional(up.map_or([0; 3], |up| view.error(&up)))
     }
@@ -257,7 +301,7 @@ impl Filter for Complementary {
 
 /// Madgwick's filter: see [`crate::Madgwick`]. Where the magnetometer is slower than the loop, a
 /// field turns the heading for all samples since the last.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Madgwick {
     /// Length of a step, half an angle, Q(16 + `shift`) rad.
     factor: i32,
@@ -304,7 +348,7 @@ impl Filter for Madgwick {
     }
 
     #[inline(always)]
-    fn correction(&mut self, view: &View<'_>) -> Correction {
+    fn correction(&self, _: &mut FilterState, view: &View<'_>) -> Correction {
         // Q29.
         let up = direction(view.acc, self.least);
         let error = up.map_or([0; 3], |up| view.error(&up));
@@ -316,7 +360,7 @@ impl Filter for Madgwick {
         let parts = error.map(|error| (error + (1 << 13)) >> 14);
         let [x, y, z] = parts;
         let square = (x * x + y * y + z * z) as u32 + (sine * sine) as u32;
-        let heading_shift = view.gains.heading_shift & 15;
+        let heading_shift = view.gains.heading.shift & 15;
         if square <= self.reached {
             // Half the angle, of Q29 in Q31 and of Q15 in Q16.
             return Correction {
@@ -325,7 +369,7 @@ impl Filter for Madgwick {
             };
         }
         let (y, h) = inverse_root(square);
-        if !view.gains.settled {
+        if !view.gains.is_settled() {
             // The length is its square over it, Q15; a factor of 2^31 has room.
             let length = (((square << (2 * h)) >> 16) as i32 * y) >> (14 + h);
             if view.gains.tilt.of(length << 14) > self.step {
@@ -342,16 +386,10 @@ impl Filter for Madgwick {
 }
 
 /// The VQF-class filter: see [`crate::Vqf`].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Vqf {
     /// Share of a sample in the smoothing.
     share: Q16,
-    /// Smoothed horizontal acceleration, north and east, counts.
-    smooth: [Q8; 2],
-    /// Remainder of the smoothing, Q17 counts, below a bit of `smooth`.
-    remainder: [i32; 2],
-    /// Half angle about north and east that is still to be applied.
-    carry: [Q31; 2],
 }
 
 impl Filter for Vqf {
@@ -369,9 +407,6 @@ impl Filter for Vqf {
         positive(gains.mag_tau_s, "mag_tau_s")?;
         Ok(Self {
             share: (65_536.0 * period_s / gains.acc_smoothing_s + 0.5) as i32,
-            smooth: [0; 2],
-            remainder: [0; 2],
-            carry: [0; 2],
         })
     }
 
@@ -379,33 +414,27 @@ impl Filter for Vqf {
         (1.0 / gains.acc_tau_s, 1.0 / gains.mag_tau_s)
     }
 
-    fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        all(&mut self.smooth, each);
-        all(&mut self.remainder, each);
-        all(&mut self.carry, each);
-    }
-
     #[inline(always)]
-    fn correction(&mut self, view: &View<'_>) -> Correction {
+    fn correction(&self, state: &mut FilterState, view: &View<'_>) -> Correction {
         let (north, east) = (view.products.north(), view.products.east());
         let seen = [dot(&north, view.acc) >> 7, dot(&east, view.acc) >> 7];
-        let state = self.smooth.iter_mut().zip(&mut self.remainder);
-        for ((smooth, remainder), seen) in state.zip(seen) {
+        let sums = state.smooth.iter_mut().zip(&mut state.remainder);
+        for ((smooth, remainder), seen) in sums.zip(seen) {
             let sum = ((seen - *smooth + 64) >> 7) * self.share + *remainder;
             *smooth += sum >> 9;
-            *remainder = sum & 0x1ff;
+            *remainder = sum & REMAINDER;
         }
-        let [n, e] = if view.gains.settled {
-            self.smooth
+        let [n, e] = if view.gains.is_settled() {
+            state.smooth
         } else {
-            self.smooth = [0; 2];
+            state.smooth = [0; 2];
             seen
         };
-        for (carry, tilt) in self.carry.iter_mut().zip([-e, n]) {
+        for (carry, tilt) in state.carry.iter_mut().zip([-e, n]) {
             *carry += view.gains.tilt.of(tilt << 7);
         }
-        let [about_north, about_east] = self.carry.map(|carry| carry >> 13);
-        self.carry = self.carry.map(|carry| carry & 0x1fff);
+        let [about_north, about_east] = state.carry.map(|carry| carry >> 13);
+        state.carry = state.carry.map(|carry| carry & CARRY);
         let body = |n: i32, e: i32| (about_north * n + about_east * e) >> 2;
         Correction {
             tilt: [

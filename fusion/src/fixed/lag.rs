@@ -22,8 +22,6 @@
 use super::format::{Q9, Q15, Q30, normalised};
 use super::number::Q20;
 use super::rotation::BIAS_BITS;
-use crate::error::ConfigError;
-use crate::lag;
 
 /// Largest turn within a lag, about an axis: an eighth of a radian.
 const MOST: Q15 = 1 << 12;
@@ -31,24 +29,24 @@ const MOST: Q15 = 1 << 12;
 /// The turn up to which first order is enough, rad: it leaves 6e-4 of the vector.
 const SHORT: Q15 = 655;
 
-/// What a count of the gyroscope turns by in [`UNIT_S`].
-#[derive(Clone, Copy, Debug)]
-pub(super) struct PerLag {
-    /// Q(15 + `shift`) rad, below `2^14`.
-    factor: i32,
-    shift: u32,
-}
-
 /// Base-2 logarithm of the unit that a lag is a part of, in Q20 s.
 const UNIT_BITS: u32 = 17;
 
 /// An eighth of a second: longer than any lag.
 const UNIT_S: f32 = 0.125;
 
-impl PerLag {
-    /// `gyr_rad_s`: what a count is worth, rad/s.
+/// A lag, as what a count of the gyroscope turns by in it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Lag {
+    /// Q(15 + `shift`) rad, below `2^14`.
+    factor: i32,
+    shift: u32,
+}
+
+impl Lag {
+    /// An eighth of a second, where a count is worth `gyr_rad_s`.
     #[inline(always)]
-    pub(super) fn new(gyr_rad_s: f32) -> Self {
+    pub(super) fn unit(gyr_rad_s: f32) -> Self {
         let (factor, shift) = normalised(gyr_rad_s * UNIT_S * 32_768.0, 16_384.0);
         Self {
             factor,
@@ -56,38 +54,15 @@ impl PerLag {
         }
     }
 
+    /// Of this as the unit, a lag.
     #[inline(always)]
-    pub(super) fn lag(self, lag_s: Q20) -> Lag {
-        Lag {
+    pub(super) fn times(self, lag_s: Q20) -> Self {
+        Self {
             factor: (lag_s.0 * self.factor + (1 << (UNIT_BITS - 1))) >> UNIT_BITS,
-            shift: self.shift,
+            ..self
         }
     }
-}
 
-/// A lag, as what a count of the gyroscope turns by in it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Lag {
-    /// Q(15 + `shift`) rad.
-    factor: i32,
-    shift: u32,
-}
-
-/// A lag of the configuration.
-#[inline(always)]
-pub(super) fn checked(lag_s: f32, name: &'static str) -> Result<Q20, ConfigError> {
-    lag::checked(lag_s, name)
-}
-
-/// Rates less their offset, counts.
-#[inline(always)]
-pub(super) fn rates(gyr: &[i16; 3], bias: &[Q9; 3]) -> [i32; 3] {
-    let ([x, y, z], [bx, by, bz]) = (*gyr, *bias);
-    let rate = |rate: i16, bias: Q9| i32::from(rate) - (bias >> BIAS_BITS);
-    [rate(x, bx), rate(y, by), rate(z, bz)]
-}
-
-impl Lag {
     #[inline(always)]
     fn turn(self, rates: &[i32; 3]) -> [Q15; 3] {
         rates.map(|rate| {
@@ -126,6 +101,14 @@ impl Lag {
             q[3] + ((w * hz + x * hy - y * hx - z * half_square) >> 1),
         ]
     }
+}
+
+/// Rates less their offset, counts.
+#[inline(always)]
+pub(super) fn rates(gyr: &[i16; 3], bias: &[Q9; 3]) -> [i32; 3] {
+    let ([x, y, z], [bx, by, bz]) = (*gyr, *bias);
+    let rate = |rate: i16, bias: Q9| i32::from(rate) - (bias >> BIAS_BITS);
+    [rate(x, bx), rate(y, by), rate(z, bz)]
 }
 
 fn cross(v: &[i32; 3], u: &[i32; 3]) -> [i32; 3] {

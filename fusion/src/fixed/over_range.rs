@@ -1,17 +1,40 @@
-//! What happens when the gyroscope clips: nothing, or what the float filters do. They learn the
-//! field's lag too, in the same numbers.
+//! A gyroscope that clips, in fixed point.
+//!
+//! A rate beyond the gyroscope's range hides part of the rotation. What the float filters do about it
+//! ([`crate::range`] finds the limit and the hidden angle, [`crate::recovery`] the attitude again)
+//! runs here as it is, generic over its number: on [`Q20`], from -2048 to 2048 in steps of 1e-6.
+//! So does [`crate::lag`], which learns how late the field is. What this file adds is the border
+//! between counts and Q20, once at the end of a step:
+//!
+//! | in | from | in Q20 |
+//! |---|---|---|
+//! | rates | counts | rad/s |
+//! | specific force | counts | m/s^2 |
+//! | field and its reference | counts | parts of [`FIELD_UT`], as the squares of uT have no room |
+//! | rows | Q15 | half a row is 16 times that |
+//!
+//! | out | to | |
+//! |---|---|---|
+//! | correction | Q31, half angles | [`MAX_STEP`] a step at most, the rest is owed to the next ones |
+//! | variance of the heading | gains of a running mean that is as uncertain | [`Clipped::unsettle`] |
+//! | lag of the field | [`Lag`] | once it is learned anew |
+//!
+//! Most steps are not over range and cost a comparison of the rates with what is quiet.
 
 use nalgebra::Vector3;
 
-use super::counts::{Counts, Scale};
-use super::format::{Q9, Q31};
-use super::lag;
+use super::counts::Scale;
+use super::format::{Q30, Q31};
+use super::lag::{self, Lag};
 use super::number::Q20;
 use super::rotation::Products;
+use super::sensors::{Late, Response, Sensors, StepEnd};
+use crate::config::Config;
+use crate::error::{ConfigError, in_range};
 use crate::lag::FieldLag;
 use crate::quaternion::HalfRows;
 use crate::range::{Hidden, Range, Rules};
-use crate::real::{Number, sealed};
+use crate::real::Number;
 use crate::recovery::{Recovery, Seen};
 use crate::vector::dot;
 
@@ -21,117 +44,48 @@ const MAX_STEP: Q31 = 1 << 27;
 /// Field counts are brought to parts of this, uT: squares of the earth's field would not fit.
 const FIELD_UT: f32 = 64.0;
 
-/// What an estimator does when rates clip: [`Ignored`] or [`Recovered`].
-pub trait OverRange: sealed::Sealed {
-    /// Looks for clipped rates at the end of a step.
-    #[doc(hidden)]
-    fn step(&mut self, step: &StepEnd<'_>) -> Response;
+/// Rate, 1/s, of a running mean that has become as slow as the slowest filter.
+const SETTLED_PER_S: f32 = 0.1;
 
-    /// A rate is clipped, or was within the last seconds.
-    fn is_active(&self) -> bool;
-}
-
-/// What an estimator knows at the end of a step.
-pub struct StepEnd<'a> {
-    /// Time step, us.
-    pub(super) dt_us: u32,
-    /// The sample.
-    pub(super) counts: &'a Counts,
-    /// The orientation after the step.
-    pub(super) products: &'a Products,
-    /// Specific force, as it is now, counts.
-    pub(super) acc: &'a [i32; 3],
-    /// Offset of the gyroscope, counts.
-    pub(super) bias: &'a [Q9; 3],
-    /// The field's reference: north and down, counts.
-    pub(super) field: Option<[i32; 2]>,
-    /// The field is like it, to its full weight.
-    pub(super) field_is_like_it: bool,
-    /// Base-2 logarithm of the gain increase of the slower channel.
-    pub(super) gain_log2: i32,
-}
-
-/// What an estimator does about clipped rates.
-#[derive(Default)]
-pub struct Response {
-    /// A correction, half a rotation vector in the body frame, rad.
-    pub(super) correction: [Q31; 3],
-    /// Base-2 logarithm of a gain increase and the blocks that it lasts: see `StartUpGains::raise`.
-    pub(super) raise: Option<(i32, u32)>,
-    /// The field's lag, s, where it was learned anew.
-    pub(super) mag_lag_s: Option<Q20>,
-}
-
-/// Clipping is not looked for, which costs nothing: for gyroscopes whose range no motion exceeds.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Ignored;
-
-impl sealed::Sealed for Ignored {}
-
-impl OverRange for Ignored {
-    #[inline(always)]
-    fn step(&mut self, _: &StepEnd<'_>) -> Response {
-        Response::default()
-    }
-
-    #[inline(always)]
-    fn is_active(&self) -> bool {
-        false
-    }
-}
-
-/// Clipping is found, and the rotation that it hid, by the same code as in float, in Q20.
+/// Late sensors, and a gyroscope that clips: the rotation that it hides is recovered as the float
+/// filters do, and the field's lag is learned. More code, and in a step that is over range several
+/// times the cycles of another. [`Estimator`](super::Estimator) alone runs it.
 #[derive(Clone, Debug)]
-pub struct Recovered {
-    range: Range<Q20>,
-    recovery: Recovery<Q20>,
+pub struct Clipped {
+    late: Late,
+    /// What lags are parts of.
+    unit: Lag,
     /// Bits of Q20 rad/s that a count of the gyroscope is worth.
     gyr: i32,
     /// Bits of Q20 m/s^2 that a count of the accelerometer is worth.
     acc: i32,
     /// Bits of Q20 that a count of the magnetometer is worth, in units of [`FIELD_UT`].
     field: i32,
-    /// Time since the last field, s.
-    field_dt: Q20,
-    /// The part of the corrections that is still to be applied, half an angle about each body axis,
-    /// rad.
-    owed: [Q31; 3],
     /// One over the accelerometer's noise density, 1/(rad^2 s).
     per_density: Q20,
     /// Twice the smaller one of the filter's gains, 1/s: where the next power of two begins.
     slow_per_s: Q20,
     /// Blocks of the rest detection a second.
     blocks_per_s: Q20,
-    field_lag: FieldLag<Q20>,
+    first: Recovered,
 }
 
-/// Rate, 1/s, of a running mean that has become as slow as the slowest filter.
-const SETTLED_PER_S: f32 = 0.1;
+/// What [`Clipped`] remembers.
+#[derive(Clone, Debug)]
+pub struct Recovered {
+    range: Range<Q20>,
+    recovery: Recovery<Q20>,
+    /// Time since the last field, s.
+    field_dt: Q20,
+    /// The part of the corrections that is still to be applied, half an angle about each body axis,
+    /// rad.
+    owed: [Q31; 3],
+    field_lag: FieldLag<Q20>,
+    /// The same as `field_lag` has it.
+    mag_lag: Lag,
+}
 
-impl Recovered {
-    pub(super) fn new(
-        scale: &Scale,
-        gyro_range_rad_s: f32,
-        recovery_rad2_s: f32,
-        slow_per_s: f32,
-        block_s: f32,
-        field_lag: FieldLag<Q20>,
-    ) -> Self {
-        Self {
-            range: Range::new(gyro_range_rad_s, Rules::Plain),
-            recovery: Recovery::new(Q20::from_f32(recovery_rad2_s)),
-            gyr: Q20::from_f32(scale.gyr_rad_s).0,
-            acc: Q20::from_f32(scale.acc_m_s2).0,
-            field: Q20::from_f32(scale.mag_ut / FIELD_UT).0,
-            field_dt: Q20::ZERO,
-            owed: [0; 3],
-            per_density: Q20::from_f32(1.0 / recovery_rad2_s),
-            slow_per_s: Q20::from_f32(slow_per_s * 2.0),
-            blocks_per_s: Q20::from_f32(1.0 / block_s),
-            field_lag,
-        }
-    }
-
+impl Clipped {
     /// The attitude's variance has grown, rad^2: the gain increase of a running mean whose variance
     /// is as large, and how long it lasts, unless the gains are larger already.
     #[cold]
@@ -152,23 +106,24 @@ impl Recovered {
         (raised != 0 && raised >= gain_log2).then_some((raised, blocks.clamp(1, 100) as u32))
     }
 
-    /// A field like the reference shows how late it is: the lag, where it was learned.
+    /// A field like the reference shows how late it is.
     #[inline(always)]
-    fn learn_lag(&mut self, step: &StepEnd<'_>) -> Option<Q20> {
-        let (mag, field) = step.counts.mag.zip(step.field)?;
-        if self.recovery.is_active() || !step.field_is_like_it {
-            return None;
+    fn learn_lag(&self, memory: &mut Recovered, step: &StepEnd<'_>) {
+        if let Some((mag, field)) = step.counts.mag.zip(step.field)
+            && !memory.recovery.is_active()
+            && step.field_is_like_it
+            && let Some(dt) = memory.field_lag.due(memory.field_dt)
+        {
+            let strength = self.earth(field);
+            memory.field_lag.learn(
+                dt,
+                &rows(step.products),
+                &vector(mag.map(i32::from), self.field),
+                &self.rate(step),
+                dot(&strength, &strength).sqrt().recip(),
+            );
+            memory.mag_lag = self.unit.times(memory.field_lag.lag_s());
         }
-        let dt = self.field_lag.due(self.field_dt)?;
-        let strength = self.earth(field);
-        self.field_lag.learn(
-            dt,
-            &rows(step.products),
-            &vector(mag.map(i32::from), self.field),
-            &self.rate(step),
-            dot(&strength, &strength).sqrt().recip(),
-        );
-        Some(self.field_lag.lag_s())
     }
 
     /// The rates less their offset, rad/s.
@@ -185,25 +140,25 @@ impl Recovered {
     /// that is owed.
     #[inline(never)]
     fn recover(
-        &mut self,
+        &self,
+        memory: &mut Recovered,
         dt: Q20,
         hidden: Option<[Hidden<Q20>; 3]>,
         step: &StepEnd<'_>,
     ) -> Option<(i32, u32)> {
-        let rows = rows(step.products);
-        let seen =
-            Seen {
-                acc: Some(vector(*step.acc, self.acc)),
-                field: step.counts.mag.zip(step.field).map(|(mag, field)| {
-                    (vector(mag.map(i32::from), self.field), self.earth(field))
-                }),
-                field_dt: self.field_dt,
-                field_lag_s: self.field_lag.lag_s(),
-                rate: self.rate(step),
-            };
+        let field = step.counts.mag.zip(step.field);
+        let seen = Seen {
+            acc: Some(vector(*step.acc, self.acc)),
+            field: field
+                .map(|(mag, field)| (vector(mag.map(i32::from), self.field), self.earth(field))),
+            field_dt: memory.field_dt,
+            field_lag_s: memory.field_lag.lag_s(),
+            rate: self.rate(step),
+        };
         let hidden = hidden.unwrap_or([Hidden::Nothing; 3]);
-        let (half_angle, variance) = self.recovery.step(dt, &rows, &hidden, &seen);
-        for (owed, part) in self.owed.iter_mut().zip(half_angle.iter()) {
+        let rows = rows(step.products);
+        let (half_angle, variance) = memory.recovery.step(dt, &rows, &hidden, &seen);
+        for (owed, part) in memory.owed.iter_mut().zip(half_angle.iter()) {
             // From Q20 to Q31.
             *owed = owed.saturating_add(part.0.clamp(-(1 << 19), 1 << 19) << 11);
         }
@@ -231,36 +186,92 @@ fn rows(products: &Products) -> HalfRows<Q20> {
     }
 }
 
-impl sealed::Sealed for Recovered {}
+impl Sensors for Clipped {
+    type Memory = Recovered;
 
-impl OverRange for Recovered {
+    fn new<G>(
+        config: &Config<G>,
+        scale: &Scale,
+        slow_per_s: f32,
+        block_s: f32,
+    ) -> Result<Self, ConfigError> {
+        let (range_rad_s, density) = (config.gyro_range_rad_s, config.recovery_rad2_s);
+        in_range(range_rad_s, 0.1, 200.0, "gyro_range_rad_s")?;
+        in_range(density, 1e-4, 10.0, "recovery_rad2_s")?;
+        let late = Late::new(config, scale, slow_per_s, block_s)?;
+        let worth = |unit: f32| Q20::from_f32(unit).0;
+        Ok(Self {
+            unit: Lag::unit(scale.gyr_rad_s),
+            gyr: worth(scale.gyr_rad_s),
+            acc: worth(scale.acc_m_s2),
+            field: worth(scale.mag_ut / FIELD_UT),
+            per_density: Q20::from_f32(1.0 / density),
+            slow_per_s: Q20::from_f32(slow_per_s * 2.0),
+            blocks_per_s: Q20::from_f32(1.0 / block_s),
+            first: Recovered {
+                range: Range::new(range_rad_s, Rules::Plain),
+                recovery: Recovery::new(Q20::from_f32(density)),
+                field_dt: Q20::ZERO,
+                owed: [0; 3],
+                field_lag: FieldLag::new(config.mag_lag_s, config.mag_lag_prior_rad2_s)?,
+                mag_lag: late.mag,
+            },
+            late,
+        })
+    }
+
+    fn start(&self) -> Recovered {
+        self.first.clone()
+    }
+
+    #[inline(always)]
+    fn keep_rates(rates: &mut [i32; 3], gyr: &[i16; 3], bias: &[i32; 3]) {
+        Late::keep_rates(rates, gyr, bias);
+    }
+
+    #[inline(always)]
+    fn now(
+        &self,
+        memory: &Recovered,
+        rates: &[i32; 3],
+        acc: [i32; 3],
+        mag: Option<[i32; 3]>,
+    ) -> ([i32; 3], Option<[i32; 3]>) {
+        let (acc, _) = self.late.now(&(), rates, acc, None);
+        (acc, mag.map(|mag| memory.mag_lag.now(&mag, rates)))
+    }
+
+    fn ahead(&self, of_rates: [Q30; 4], rates: &[i32; 3]) -> [Q30; 4] {
+        self.late.ahead(of_rates, rates)
+    }
+
     #[inline]
-    fn step(&mut self, step: &StepEnd<'_>) -> Response {
+    fn examine(&self, memory: &mut Recovered, step: &StepEnd<'_>) -> Response {
         let mut response = Response::default();
         // us to Q20: 2^20 / 10^6 is 1 + 3183 / 2^16.
         let us = step.dt_us.min(30_000) as i32;
         let dt = Q20(us + ((us * 3_183) >> 16));
-        self.field_dt += dt;
+        memory.field_dt += dt;
         let mut rate = Vector3::from(step.counts.gyr).map(|count| Q20(i32::from(count) * self.gyr));
         let mut hidden = None;
-        if dt > Q20::ZERO && !self.range.is_quiet(&rate) {
-            hidden = Some(self.range.examine(dt, &mut rate));
+        if dt > Q20::ZERO && !memory.range.is_quiet(&rate) {
+            hidden = Some(memory.range.examine(dt, &mut rate));
         }
-        if hidden.is_some() || self.recovery.is_active() {
-            response.raise = self.recover(dt, hidden, step);
+        if hidden.is_some() || memory.recovery.is_active() {
+            response.raise = self.recover(memory, dt, hidden, step);
         }
-        response.mag_lag_s = self.learn_lag(step);
+        self.learn_lag(memory, step);
         if step.counts.mag.is_some() {
-            self.field_dt = Q20::ZERO;
+            memory.field_dt = Q20::ZERO;
         }
-        for (part, owed) in response.correction.iter_mut().zip(&mut self.owed) {
+        for (part, owed) in response.correction.iter_mut().zip(&mut memory.owed) {
             *part = (*owed).clamp(-MAX_STEP, MAX_STEP);
             *owed -= *part;
         }
         response
     }
 
-    fn is_active(&self) -> bool {
-        self.recovery.is_active()
+    fn is_over_range(memory: &Recovered) -> bool {
+        memory.recovery.is_active()
     }
 }

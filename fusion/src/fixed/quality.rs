@@ -12,6 +12,8 @@
 //! A variance or drift times a share is taken in two parts of 15 bits, so that nothing of a small
 //! one is lost.
 
+use bytemuck::{Pod, Zeroable};
+
 use super::counts::Scale;
 use super::format::{Q15, normalised};
 use crate::quality::{
@@ -43,45 +45,54 @@ const MOST_DEVIATION: i32 = 40_000;
 /// Most of a variance that a block takes away: a running mean's first gains would take more.
 const MOST: Q15 = 30_000;
 
+/// Largest drift and walk of a block, Q28.
+const MOST_GROWTH: Q28 = 1 << 24;
+
 /// What a gap in the samples adds to the variances, rad^2.
 const GAP: f32 = 0.25;
 
-/// One angle: its random walk, and its drift by the offset's error.
-#[derive(Clone, Copy, Debug)]
-struct Angle {
-    variance: Q28,
-    drift: Q28,
-    /// What a block of the filter's own gain takes of the variance, and of the drift.
-    taken: Q15,
-    drift_taken: Q15,
-    /// The noise of that gain, rad^2 a block.
+/// What a filter's own gain does to the uncertainty of an angle in a block.
+#[derive(Clone, Debug, PartialEq)]
+struct Pull {
+    /// What it takes of the variance, and of the drift.
+    variance: Q15,
+    drift: Q15,
+    /// Its noise, rad^2.
     noise: Q28,
 }
 
-impl Angle {
-    fn new(variance: f32, per_s: f32, block_s: f32) -> Self {
+impl Pull {
+    fn new(per_s: f32, block_s: f32) -> Self {
         let share = per_s * block_s;
         let q15 = |value: f32| (value * 32_768.0) as i32;
         Self {
-            variance: q28(variance),
-            drift: 0,
-            taken: q15(2.0 * share / (1.0 + 2.0 * share)),
-            drift_taken: q15(share / (1.0 + share)),
+            variance: q15(2.0 * share / (1.0 + 2.0 * share)),
+            drift: q15(share / (1.0 + share)),
             noise: q28(NOISE_S * per_s * per_s * block_s),
         }
     }
+}
 
+/// The uncertainty of an angle: its random walk, and its drift by the offset's error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+struct Angle {
+    variance: Q28,
+    drift: Q28,
+}
+
+impl Angle {
     /// A block with this walk and this drift. The gain is the filter's own times `2^gain_log2`;
     /// `None` where nothing shows the angle.
     #[inline(never)]
-    fn pass(&mut self, walk: Q28, drift: Q28, gain_log2: Option<u32>) {
+    fn pass(&mut self, walk: Q28, drift: Q28, pull: &Pull, gain_log2: Option<u32>) {
         let mut grown = walk;
         if let Some(log2) = gain_log2 {
             let log2 = log2.min(8);
             let taken = |share: Q15| (share << log2).min(MOST);
-            self.variance -= part(self.variance, taken(self.taken));
-            self.drift -= part(self.drift, taken(self.drift_taken));
-            grown += self.noise.min(1 << 12) << (2 * log2);
+            self.variance -= part(self.variance, taken(pull.variance));
+            self.drift -= part(self.drift, taken(pull.drift));
+            grown += pull.noise.min(1 << 12) << (2 * log2);
         }
         self.variance = (self.variance + grown).min(q28(UNKNOWN));
         self.drift = (self.drift + drift).min(q28(UNKNOWN));
@@ -148,15 +159,16 @@ impl Job {
 }
 
 /// Steps after which the jobs of a block no longer wait for one without a field.
-const PATIENCE: u8 = 8;
+const LONGEST_WAIT: u32 = 8;
 
 /// The jobs of a block that are to come.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Due {
     /// Their number.
-    jobs: u8,
+    jobs: u32,
     /// Steps with a field for which they have waited.
-    waited: u8,
+    waited: u32,
 }
 
 impl Due {
@@ -172,7 +184,7 @@ impl Due {
         if self.jobs == 0 {
             return false;
         }
-        if has_field && self.waited < PATIENCE {
+        if has_field && self.waited < LONGEST_WAIT {
             self.waited += 1;
             return false;
         }
@@ -181,35 +193,26 @@ impl Due {
 
     /// The next job, which is done with that.
     pub(super) fn next_job(&mut self) -> Job {
-        let job = Job::ALL.get(usize::from(self.jobs)).copied();
+        let job = Job::ALL.get(self.jobs as usize).copied();
         self.jobs = self.jobs.saturating_sub(1);
         job.unwrap_or(Job::None)
     }
 
-    /// See [`Estimator::memory`](super::Estimator::memory).
-    pub(super) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        self.jobs = each(self.jobs.into()) as u8;
-        self.waited = each(self.waited.into()) as u8;
+    /// Whether the numbers are ones that an update can have left.
+    pub(super) fn is_sound(&self) -> bool {
+        self.jobs <= 4 && self.waited <= LONGEST_WAIT
     }
 }
 
-/// The variances.
-#[derive(Clone, Debug)]
-pub(super) struct Doubt {
-    tilt: Angle,
-    heading: Angle,
-    bias: Q40,
-    /// Its root, Q20 rad/s.
-    deviation: i32,
-    /// Blocks since the last undisturbed field; `u32::MAX` before the first.
-    field_age: u32,
-    /// What this block adds to drifts and variances.
-    drift: Q28,
-    walk: Q28,
+/// How the uncertainties grow and are pulled back in a block.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Uncertainty {
+    tilt: Pull,
+    heading: Pull,
     /// What a count turns by, Q(8 + `shift`) rad/s.
     per_count: i32,
     shift: u32,
-    /// Walk at rest, and by the square of the rate, a block.
+    /// Walk at rest, and by the square of the rate.
     still: Q28,
     scale: Q28,
     bias_walk: Q40,
@@ -220,18 +223,30 @@ pub(super) struct Doubt {
     block_s: f32,
 }
 
-impl Doubt {
+/// The uncertainties.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct UncertaintyState {
+    tilt: Angle,
+    heading: Angle,
+    /// Variance of the offset.
+    bias: Q40,
+    /// Its root, Q20 rad/s.
+    deviation: i32,
+    /// Blocks since the last undisturbed field; `u32::MAX` before the first.
+    field_age: u32,
+    /// What this block adds to drifts and variances.
+    drift: Q28,
+    walk: Q28,
+}
+
+impl Uncertainty {
     #[inline(always)]
     pub(super) fn new(scale: &Scale, block_s: f32) -> Self {
         let (per_count, shift) = normalised(scale.gyr_rad_s * 256.0, 16_384.0);
         Self {
-            tilt: Angle::new(FIRST, TILT_PER_S, block_s),
-            heading: Angle::new(0.0, HEADING_PER_S, block_s),
-            bias: q40(BIAS_UNKNOWN * BIAS_UNKNOWN),
-            deviation: q20(BIAS_UNKNOWN),
-            field_age: u32::MAX,
-            drift: 0,
-            walk: 0,
+            tilt: Pull::new(TILT_PER_S, block_s),
+            heading: Pull::new(HEADING_PER_S, block_s),
             per_count,
             shift: shift.into(),
             still: q28(STILL * block_s),
@@ -243,19 +258,100 @@ impl Doubt {
         }
     }
 
-    /// See [`Estimator::memory`](super::Estimator::memory).
-    #[inline(never)]
-    pub(super) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        for angle in [&mut self.tilt, &mut self.heading] {
-            // What was not told by an estimator may be anything.
-            angle.variance = each(angle.variance).clamp(0, q28(UNKNOWN));
-            angle.drift = each(angle.drift).clamp(0, q28(UNKNOWN));
+    /// [`Job::Close`]: whether the block was one of a rest that the offset is known from, and
+    /// whether an undisturbed field was seen in it.
+    pub(super) fn close(&self, state: &mut UncertaintyState, at_rest: bool, good_field: bool) {
+        state.field_age = if good_field {
+            0
+        } else {
+            state.field_age.saturating_add(1)
+        };
+        if at_rest {
+            (state.bias, state.deviation) = (q40(BIAS_AT_REST * BIAS_AT_REST), q20(BIAS_AT_REST));
+        } else if state.deviation < MOST_DEVIATION {
+            state.bias += self.bias_walk;
+            // Its root grows by less than a bit in a block: there is none to be taken.
+            let next = state.deviation + 1;
+            if next * next <= state.bias {
+                state.deviation = next;
+            }
         }
-        self.bias = each(self.bias).clamp(0, MOST_DEVIATION * MOST_DEVIATION);
-        self.deviation = each(self.deviation).clamp(0, MOST_DEVIATION);
-        self.field_age = each(self.field_age as i32) as u32;
-        self.drift = each(self.drift).clamp(0, 1 << 24);
-        self.walk = each(self.walk).clamp(0, 1 << 24);
+        // Q20 times Q15, to Q28.
+        state.drift = (state.deviation * self.block) >> 7;
+    }
+
+    /// [`Job::Turn`]: the last rates less their offset, counts.
+    pub(super) fn turn(&self, state: &mut UncertaintyState, rates: &[i32; 3]) {
+        let mut square = 0;
+        for rate in rates {
+            // 10 rad/s is 2560.
+            let rate = ((rate * self.per_count) >> (self.shift & 31)).clamp(-2_560, 2_560);
+            square += rate * rate;
+        }
+        // Q16; the scale has 10 bits at most.
+        state.walk = self.still + (((square.min(100 << 16) >> 8) * self.scale) >> 8);
+    }
+
+    /// [`Job::Tilt`]: by how much the gain of the tilt is raised, as a power of two.
+    pub(super) fn pass_tilt(&self, state: &mut UncertaintyState, gain_log2: u32) {
+        let (walk, drift) = (state.walk, state.drift);
+        state.tilt.pass(walk, drift, &self.tilt, Some(gain_log2));
+    }
+
+    /// [`Job::Heading`]: likewise of the heading.
+    pub(super) fn pass_heading(&self, state: &mut UncertaintyState, gain_log2: u32) {
+        let (walk, drift) = (state.walk, state.drift);
+        let gain_log2 = self.is_field_fresh(state).then_some(gain_log2);
+        state.heading.pass(walk, drift, &self.heading, gain_log2);
+    }
+
+    fn is_field_fresh(&self, state: &UncertaintyState) -> bool {
+        state.field_age < self.fresh
+    }
+
+    /// See [`Settings::quality`](super::Settings::quality); with the field's reference, north and
+    /// down.
+    pub(super) fn quality(
+        &self,
+        state: &UncertaintyState,
+        field: Option<[i32; 2]>,
+        bias: BiasState,
+    ) -> Quality<f32> {
+        let steepness = field.map(|[north, down]| {
+            let ratio = down as f32 / (north.max(1)) as f32;
+            1.0 + ratio * ratio
+        });
+        let place = steepness.map_or(0.0, |ratio| ratio * HEADING);
+        Quality {
+            tilt_rad: state.tilt.deviation_rad(TILT),
+            heading_rad: state.heading.deviation_rad(place),
+            bias_rad_s: state.deviation as f32 / 1_048_576.0,
+            bias,
+            heading_is_observable: self.is_field_fresh(state)
+                && steepness.is_some_and(|ratio| ratio <= STEEP),
+            field_age_s: (state.field_age != u32::MAX)
+                .then_some(state.field_age as f32 * self.block_s),
+        }
+    }
+}
+
+impl UncertaintyState {
+    pub(super) fn start() -> Self {
+        Self {
+            tilt: Angle {
+                variance: q28(FIRST),
+                drift: 0,
+            },
+            bias: q40(BIAS_UNKNOWN * BIAS_UNKNOWN),
+            deviation: q20(BIAS_UNKNOWN),
+            field_age: u32::MAX,
+            ..Self::zeroed()
+        }
+    }
+
+    /// The offset is as known as it was before.
+    pub(super) fn keep_bias(&mut self, before: &Self) {
+        (self.bias, self.deviation) = (before.bias, before.deviation);
     }
 
     /// Samples are missing: the attitude is uncertain.
@@ -271,75 +367,23 @@ impl Doubt {
         self.tilt.variance = q28(FIRST);
     }
 
-    /// [`Job::Close`]: whether the block was one of a rest that the offset is known from, and
-    /// whether an undisturbed field was seen in it.
-    pub(super) fn close(&mut self, at_rest: bool, good_field: bool) {
-        self.field_age = if good_field {
-            0
-        } else {
-            self.field_age.saturating_add(1)
-        };
-        if at_rest {
-            (self.bias, self.deviation) = (q40(BIAS_AT_REST * BIAS_AT_REST), q20(BIAS_AT_REST));
-        } else if self.deviation < MOST_DEVIATION {
-            self.bias += self.bias_walk;
-            // Its root grows by less than a bit in a block: there is none to be taken.
-            let next = self.deviation + 1;
-            if next * next <= self.bias {
-                self.deviation = next;
-            }
-        }
-        // Q20 times Q15, to Q28.
-        self.drift = (self.deviation * self.block) >> 7;
-    }
-
-    /// [`Job::Turn`]: the last rates less their offset, counts.
-    pub(super) fn turn(&mut self, rates: &[i32; 3]) {
-        let mut square = 0;
-        for rate in rates {
-            // 10 rad/s is 2560.
-            let rate = ((rate * self.per_count) >> (self.shift & 31)).clamp(-2_560, 2_560);
-            square += rate * rate;
-        }
-        // Q16; the scale has 10 bits at most.
-        self.walk = self.still + (((square.min(100 << 16) >> 8) * self.scale) >> 8);
-    }
-
-    /// [`Job::Tilt`]: by how much the gain of the tilt is raised, as a power of two.
-    pub(super) fn pass_tilt(&mut self, gain_log2: u32) {
-        self.tilt.pass(self.walk, self.drift, Some(gain_log2));
-    }
-
-    /// [`Job::Heading`]: likewise of the heading.
-    pub(super) fn pass_heading(&mut self, gain_log2: u32) {
-        let seen = self.field_age < self.fresh;
-        self.heading
-            .pass(self.walk, self.drift, seen.then_some(gain_log2));
-    }
-
     /// Whether the tilt's standard deviation is within the root of this, Q28 rad^2.
     pub(super) fn tilt_is_within(&self, variance: Q28) -> bool {
         self.tilt.variance_q28(TILT) <= variance.unsigned_abs()
     }
 
-    /// See [`Estimator::quality`](super::Estimator::quality); with the field's reference, north and
-    /// down.
-    pub(super) fn quality(&self, field: Option<[i32; 2]>, bias: BiasState) -> Quality<f32> {
-        let steepness = field.map(|[north, down]| {
-            let ratio = down as f32 / (north.max(1)) as f32;
-            1.0 + ratio * ratio
-        });
-        let place = steepness.map_or(0.0, |ratio| ratio * HEADING);
-        Quality {
-            tilt_rad: self.tilt.deviation_rad(TILT),
-            heading_rad: self.heading.deviation_rad(place),
-            bias_rad_s: self.deviation as f32 / 1_048_576.0,
-            bias,
-            heading_is_observable: self.field_age < self.fresh
-                && steepness.is_some_and(|ratio| ratio <= STEEP),
-            field_age_s: (self.field_age != u32::MAX)
-                .then_some(self.field_age as f32 * self.block_s),
-        }
+    /// Whether the numbers are ones that an update can have left.
+    pub(super) fn is_sound(&self) -> bool {
+        let angles = [self.tilt, self.heading];
+        let mut parts = angles
+            .iter()
+            .flat_map(|angle| [angle.variance, angle.drift]);
+        parts.all(|part| (0..=q28(UNKNOWN)).contains(&part))
+            && (0..=MOST_DEVIATION * MOST_DEVIATION + (1 << 16)).contains(&self.bias)
+            && (0..=MOST_DEVIATION).contains(&self.deviation)
+            && [self.drift, self.walk]
+                .iter()
+                .all(|growth| (0..=MOST_GROWTH).contains(growth))
     }
 }
 

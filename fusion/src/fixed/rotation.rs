@@ -32,8 +32,10 @@
 //! `|q|^2 - 1 = e` means that the length is off by `e / 2`. A quarter of `e` is added to `c`, which
 //! takes half of it away with every step.
 
+use bytemuck::{Pod, Zeroable};
+
 use super::format::{Q9, Q15, Q16, Q30, Q31};
-use super::memory::all;
+use super::orientation::Orientation;
 
 /// Half a bit of Q15 in Q30, and of Q16 in Q31.
 const HALF: i32 = 1 << 14;
@@ -41,8 +43,18 @@ const HALF: i32 = 1 << 14;
 /// One.
 const ONE: Q30 = 1 << 30;
 
+/// Largest half rotation vector that may be pending, rad in Q15: what tilt, heading and recovery
+/// have been given.
+const MOST_PENDING: i32 = 13_107;
+
+/// Squared norm less one beyond which a quaternion is no rotation.
+const MOST_EXCESS: Q30 = 1 << 24;
+
+/// A sixth of the square of the largest half angle, rad^2.
+const MOST_SIXTH: Q16 = 7_800;
+
 /// A unit quaternion, body to earth, and what it needs to be turned on.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Rotation {
     /// w, x, y, z, plus `HALF`.
@@ -139,13 +151,16 @@ impl Rotation {
         self.q.map(|c| c - HALF)
     }
 
-    /// See [`Estimator::memory`](super::Estimator::memory).
-    pub(super) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        all(&mut self.q, each);
-        all(&mut self.pending, each);
-        all(&mut self.bias, each);
-        self.excess = each(self.excess);
-        self.sixth = each(self.sixth);
+    /// Whether the numbers are ones that an update can have left, with offsets up to this, counts.
+    pub(super) fn is_sound(&self, max_bias: i32) -> bool {
+        let wxyz_q30 = self.q.map(|c| c.wrapping_sub(HALF));
+        let pending = self.pending.map(|part| (part >> 16).unsigned_abs().pow(2));
+        Orientation { wxyz_q30 }.is_rotation()
+            && pending.iter().sum::<u32>() <= MOST_PENDING.unsigned_abs().pow(2)
+            // An offset is rounded up to the next count at most.
+            && self.bias.iter().all(|bias| (-max_bias..=max_bias + 1).contains(&(bias >> BIAS_BITS)))
+            && (-MOST_EXCESS..=MOST_EXCESS).contains(&self.excess)
+            && (0..=MOST_SIXTH).contains(&self.sixth)
     }
 
     /// Turn by the counts of a step, less the offset, and by what is pending.

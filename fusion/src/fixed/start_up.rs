@@ -36,6 +36,8 @@
 //! The heading gain is a factor below `2^13` and a shift too; there the limits of the correction
 //! bound the product.
 
+use bytemuck::{Pod, Zeroable};
+
 use super::filters::Gain;
 use super::format::{normalised, positive};
 use crate::error::{ConfigError, in_range};
@@ -61,163 +63,169 @@ const NORMALISED_ROOM: i32 = 2;
 const ACC_LIMIT_G: f32 = 1.9;
 
 /// The gains of a step.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Gains {
-    /// Gain of the tilt correction.
     pub(super) tilt: Gain,
-    /// Factor of the heading gain, Q(15 + `heading_shift`), below `2^13`.
-    pub(super) heading: i32,
-    /// Right shift that brings a product with `heading` back.
-    pub(super) heading_shift: u32,
+    pub(super) heading: Gain,
     /// Largest sum of the sizes of an acceleration's components, counts, while the tilt factor is
     /// beyond [`MAX_FACTOR`]; else 0. A larger acceleration is ignored.
     pub(super) acc_limit: i32,
-    /// The gains are the filter's own.
-    pub(super) settled: bool,
+    /// The gains are the filter's own: 1, else 0.
+    settled: u32,
 }
 
-/// The schedule of the gains.
-#[derive(Clone, Debug)]
+impl Gains {
+    #[inline(always)]
+    pub(super) fn is_settled(&self) -> bool {
+        self.settled != 0
+    }
+}
+
+/// The schedule of the gains: the filter's own, and those of the start.
+#[derive(Clone, Debug, PartialEq)]
 #[repr(C)]
-pub(super) struct StartUpGains {
-    /// Blocks of samples so far.
-    pub(super) blocks: u32,
+pub(super) struct Schedule {
     /// Blocks that have the first gain.
-    pub(super) first_blocks: u32,
-    /// Number of blocks after which the gain drops next.
-    drop_at: u32,
-    /// Blocks from that drop to the one after it.
-    drop_interval: u32,
-    /// Base-2 logarithm of the gain increase of the slower channel.
-    pub(super) gain_log2: i32,
+    first_blocks: u32,
     /// What to subtract from `gain_log2` for the tilt.
     tilt_subtract: i32,
     /// What to subtract from `gain_log2` for the heading.
     heading_subtract: i32,
-    /// By how much `gain_log2` drops next.
-    next_drop: i32,
-    /// Factor of the filter's own tilt gain.
-    tilt_factor: i32,
-    /// Right shift of the filter's own tilt gain.
-    tilt_shift: u32,
+    /// The filter's own tilt gain.
+    tilt: Gain,
     /// By how much the tilt's shift may be lessened.
     tilt_shift_room: i32,
     /// By how much the tilt's gain may be doubled before accelerations are limited.
     limit_room: i32,
-    /// Right shift of the filter's own heading gain.
-    heading_shift: u32,
+    /// The filter's own heading gain.
+    heading: Gain,
     /// What [`Gains::acc_limit`] is while there is a limit.
     acc_limit: i32,
     /// `gain_log2` at the start.
     first_gain_log2: i32,
     /// `next_drop` at the start.
     first_drop: i32,
+    /// Blocks after which the estimate counts as initialised.
+    start_up_blocks: u32,
 }
 
-impl StartUpGains {
-    /// The schedule, and the gains until its first block, which correct nothing. `tilt` and
-    /// `heading` are the filter's own gains per sample, `per_g` the counts of standard gravity, and
-    /// `counts` those of the tilt error of a right angle.
+/// How far the schedule is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct ScheduleState {
+    /// Blocks of samples so far, modulo 2^32.
+    blocks: u32,
+    /// Number of blocks after which the gain drops next.
+    drop_at: u32,
+    /// Blocks from that drop to the one after it.
+    drop_interval: u32,
+    /// Base-2 logarithm of the gain increase of the slower channel.
+    pub(super) gain_log2: i32,
+    /// By how much `gain_log2` drops next.
+    next_drop: i32,
+}
+
+impl Schedule {
+    /// `tilt` and `heading` are the filter's own gains per sample, `per_g` the counts of standard
+    /// gravity, and `counts` those of the tilt error of a right angle; `start_up_s` is the time
+    /// after which the estimate counts as initialised.
     #[inline(always)]
     pub(super) fn new(
-        tilt: f32,
-        heading: f32,
-        per_g: f32,
-        counts: f32,
+        (tilt, heading): (f32, f32),
+        (per_g, counts): (f32, f32),
         log2_block: u8,
-    ) -> Result<(Self, Gains), ConfigError> {
+        start_up_blocks: f32,
+    ) -> Result<Self, ConfigError> {
         // An error of 1 is 2^15 counts / 2^11, and half an angle of 1/2 is 2^30 in Q31.
         let tilt_gain = tilt * 67_108_864.0 / counts;
         let max_gain = f32::from(MAX_FACTOR) / f32::from(1u8 << MIN_TILT_SHIFT);
         in_range(tilt_gain, 0.01, max_gain, "tilt gain")?;
-        let (tilt_factor, tilt_shift) = normalised(tilt_gain, f32::from(MAX_FACTOR));
+        let (factor, shift) = normalised(tilt_gain, f32::from(MAX_FACTOR));
         in_range(heading, 1e-5, 0.1, "heading gain")?;
         let (heading_factor, heading_shift) = normalised(heading * 32_768.0, 8_192.0);
         let (tilt_log2, heading_log2) = (doublings(tilt), doublings(heading));
         let gain_log2 = tilt_log2.max(heading_log2);
         let first_samples_log2 = FIRST_SAMPLES_LOG2.max(log2_block);
         let first_blocks = 1 << (first_samples_log2 - log2_block);
-        let first_drop = i32::from(first_samples_log2 - FIRST_GAIN_LOG2);
-        let acc_limit = (ACC_LIMIT_G * per_g) as i32;
-        let tilt_shift_room = tilt_shift.saturating_sub(MIN_TILT_SHIFT).into();
-        let limit_room = if counts == per_g {
-            tilt_shift_room
-        } else {
-            NORMALISED_ROOM.min(tilt_shift_room)
-        };
-        let start_up = Self {
-            blocks: 0,
+        let tilt_shift_room = shift.saturating_sub(MIN_TILT_SHIFT).into();
+        Ok(Self {
             first_blocks,
-            drop_at: first_blocks + 1,
-            drop_interval: first_blocks,
-            gain_log2: gain_log2.into(),
             tilt_subtract: (gain_log2 - tilt_log2).into(),
             heading_subtract: (gain_log2 - heading_log2).into(),
-            next_drop: first_drop,
-            tilt_factor,
-            tilt_shift: tilt_shift.into(),
+            tilt: Gain {
+                factor,
+                shift: shift.into(),
+            },
             tilt_shift_room,
-            limit_room,
-            heading_shift: heading_shift.into(),
-            acc_limit,
+            limit_room: if counts == per_g {
+                tilt_shift_room
+            } else {
+                NORMALISED_ROOM.min(tilt_shift_room)
+            },
+            heading: Gain {
+                factor: heading_factor,
+                shift: heading_shift.into(),
+            },
+            acc_limit: (ACC_LIMIT_G * per_g) as i32,
             first_gain_log2: gain_log2.into(),
-            first_drop,
+            first_drop: (first_samples_log2 - FIRST_GAIN_LOG2).into(),
+            start_up_blocks: ((start_up_blocks + 0.5) as u32).max(first_blocks),
+        })
+    }
+
+    /// The schedule at its start, and the gains until its first block, which correct nothing.
+    pub(super) fn start(&self) -> (ScheduleState, Gains) {
+        let state = ScheduleState {
+            blocks: 0,
+            drop_at: self.first_blocks + 1,
+            drop_interval: self.first_blocks,
+            gain_log2: self.first_gain_log2,
+            next_drop: self.first_drop,
         };
         let gains = Gains {
             tilt: Gain {
                 factor: 0,
                 shift: MIN_TILT_SHIFT.into(),
             },
-            heading: heading_factor,
-            heading_shift: heading_shift.into(),
-            acc_limit,
-            settled: false,
+            heading: self.heading,
+            acc_limit: self.acc_limit,
+            settled: 0,
         };
-        Ok((start_up, gains))
-    }
-
-    /// See [`Estimator::memory`](super::Estimator::memory).
-    #[inline(never)]
-    pub(super) fn memory(&mut self, gains: &mut Gains, each: &mut impl FnMut(i32) -> i32) {
-        self.blocks = each(self.blocks as i32) as u32;
-        self.drop_at = each(self.drop_at as i32) as u32;
-        self.drop_interval = each(self.drop_interval as i32) as u32;
-        self.gain_log2 = each(self.gain_log2);
-        self.next_drop = each(self.next_drop);
-        gains.tilt.factor = each(gains.tilt.factor);
-        gains.tilt.shift = each(gains.tilt.shift as i32) as u32;
-        gains.heading_shift = each(gains.heading_shift as i32) as u32;
-        gains.acc_limit = each(gains.acc_limit);
-        gains.settled = each(gains.settled.into()) != 0;
+        (state, gains)
     }
 
     /// Samples were missing: the schedule begins anew with the next block.
-    pub(super) fn restart(&mut self) {
-        self.gain_log2 = self.first_gain_log2;
-        self.next_drop = self.first_drop;
-        self.drop_interval = self.first_blocks;
-        self.drop_at = self.blocks + self.drop_interval + 1;
+    pub(super) fn restart(&self, state: &mut ScheduleState) {
+        state.gain_log2 = self.first_gain_log2;
+        state.next_drop = self.first_drop;
+        state.drop_interval = self.first_blocks;
+        state.drop_after(self.first_blocks);
     }
 
     /// The attitude has become uncertain: from the next block on a gain `2^gain_log2` times the
     /// filter's own for so many blocks, half of it for twice as many, and so on.
     #[cold]
-    pub(super) fn raise(&mut self, gain_log2: i32, blocks: u32) {
-        self.gain_log2 = gain_log2.min(self.first_gain_log2);
-        self.next_drop = 1;
-        self.drop_interval = 2 * blocks;
-        self.drop_at = self.blocks + blocks + 1;
+    pub(super) fn raise(&self, state: &mut ScheduleState, gain_log2: i32, blocks: u32) {
+        state.gain_log2 = gain_log2.min(self.first_gain_log2);
+        state.next_drop = 1;
+        state.drop_interval = 2 * blocks;
+        state.drop_after(blocks);
     }
 
     /// Base-2 logarithm of the gain increase of the tilt.
-    pub(super) fn tilt_raised(&self) -> u32 {
-        positive(self.gain_log2 - self.tilt_subtract).unsigned_abs()
+    pub(super) fn tilt_raised(&self, state: &ScheduleState) -> u32 {
+        positive(state.gain_log2 - self.tilt_subtract).unsigned_abs()
     }
 
     /// The same of the heading.
-    pub(super) fn heading_raised(&self) -> u32 {
-        positive(self.gain_log2 - self.heading_subtract).unsigned_abs()
+    pub(super) fn heading_raised(&self, state: &ScheduleState) -> u32 {
+        positive(state.gain_log2 - self.heading_subtract).unsigned_abs()
+    }
+
+    /// Whether the start-up is over.
+    pub(super) fn is_started(&self, state: &ScheduleState) -> bool {
+        state.blocks > self.start_up_blocks
     }
 
     /// The next gains may come with a limit for accelerations: it holds from now on.
@@ -228,24 +236,55 @@ impl StartUpGains {
 
     /// Once a block: the gains of the next.
     #[inline(never)]
-    pub(super) fn next_block(&mut self, gains: &mut Gains) {
-        self.blocks += 1;
-        if self.blocks == self.drop_at {
-            self.gain_log2 = positive(self.gain_log2 - self.next_drop);
-            self.next_drop = 1;
-            self.drop_at += self.drop_interval;
-            self.drop_interval <<= 1;
+    pub(super) fn next_block(&self, state: &mut ScheduleState, gains: &mut Gains) {
+        state.blocks = state.blocks.wrapping_add(1);
+        if state.blocks == state.drop_at {
+            state.gain_log2 = positive(state.gain_log2 - state.next_drop);
+            state.next_drop = 1;
+            state.drop_at = state.drop_at.wrapping_add(state.drop_interval);
+            state.drop_interval <<= 1;
         }
-        gains.settled = self.gain_log2 == 0;
-        let tilt_log2 = positive(self.gain_log2 - self.tilt_subtract);
+        gains.settled = (state.gain_log2 == 0).into();
+        let tilt_log2 = positive(state.gain_log2 - self.tilt_subtract);
         // What the shift has no room for goes into the factor.
         let excess = positive(tilt_log2 - self.tilt_shift_room);
         // The limit beyond its room, 0 within it: all bits of the mask or none.
         gains.acc_limit = self.acc_limit & ((self.limit_room - tilt_log2) >> 31);
-        gains.tilt.factor = self.tilt_factor << (excess & 31);
-        gains.tilt.shift = self.tilt_shift - (tilt_log2 - excess) as u32;
-        gains.heading_shift =
-            self.heading_shift - positive(self.gain_log2 - self.heading_subtract) as u32;
+        gains.tilt.factor = self.tilt.factor << (excess & 31);
+        gains.tilt.shift = self.tilt.shift - (tilt_log2 - excess) as u32;
+        let heading_log2 = positive(state.gain_log2 - self.heading_subtract);
+        gains.heading.shift = self.heading.shift - heading_log2 as u32;
+    }
+
+    /// Whether the numbers are ones that an update can have left.
+    pub(super) fn is_sound(&self, state: &ScheduleState, gains: &Gains) -> bool {
+        let most = positive(self.first_gain_log2 - self.tilt_subtract);
+        let largest = self.tilt.factor << (positive(most - self.tilt_shift_room) & 31);
+        let heading_log2 = positive(self.first_gain_log2 - self.heading_subtract);
+        let least_shift = self.heading.shift - heading_log2 as u32;
+        let is_limited = gains.acc_limit == self.acc_limit;
+        let fits = gains.tilt.factor <= MAX_FACTOR.into()
+            || (is_limited && !gains.is_settled() && gains.tilt.factor <= largest);
+        (0..=self.first_gain_log2).contains(&state.gain_log2)
+            && (1..=self.first_drop).contains(&state.next_drop)
+            && gains.tilt.factor >= 0
+            && fits
+            && (MIN_TILT_SHIFT.into()..=31).contains(&gains.tilt.shift)
+            && (least_shift..=self.heading.shift).contains(&gains.heading.shift)
+            && gains.heading.factor == self.heading.factor
+            && (is_limited || gains.acc_limit == 0)
+            && gains.settled <= 1
+    }
+}
+
+impl ScheduleState {
+    fn drop_after(&mut self, blocks: u32) {
+        self.drop_at = self.blocks.wrapping_add(blocks + 1);
+    }
+
+    /// No block is over yet.
+    pub(super) fn is_first_block(&self) -> bool {
+        self.blocks == 0
     }
 }
 
@@ -267,11 +306,11 @@ mod tests {
     #[test]
     fn the_largest_gain_is_taken() {
         let largest = 575.0 / 65_536.0;
-        let (start_up, _) =
-            StartUpGains::new(largest, 0.01, 1_024.0, 1_024.0, 5).expect("in range");
-        assert_eq!(start_up.tilt_shift_room, 0);
-        let error =
-            StartUpGains::new(1.01 * largest, 0.01, 1_024.0, 1_024.0, 5).expect_err("too large");
+        let schedule =
+            Schedule::new((largest, 0.01), (1_024.0, 1_024.0), 5, 0.0).expect("in range");
+        assert_eq!(schedule.tilt_shift_room, 0);
+        let error = Schedule::new((1.01 * largest, 0.01), (1_024.0, 1_024.0), 5, 0.0)
+            .expect_err("too large");
         assert_eq!(error, ConfigError::OutOfRange("tilt gain"));
     }
 
@@ -279,11 +318,12 @@ mod tests {
     fn gains_fall_to_the_filters_own_as_those_of_a_running_mean() {
         // Own gains: 1/512 and 1/1024, so 2^6 and 2^7 times less than the first, 1/8. Blocks of 32
         // samples.
-        let (mut start_up, mut gains) =
-            StartUpGains::new(1.0 / 512.0, 1.0 / 1_024.0, 1_024.0, 1_024.0, 5).expect("in range");
+        let schedule = Schedule::new((1.0 / 512.0, 1.0 / 1_024.0), (1_024.0, 1_024.0), 5, 0.0)
+            .expect("in range");
+        let (mut state, mut gains) = schedule.start();
         let mut tilt_gain = || {
-            start_up.next_block(&mut gains);
-            let own = start_up.tilt_factor as f32 / (1 << start_up.tilt_shift) as f32;
+            schedule.next_block(&mut state, &mut gains);
+            let own = schedule.tilt.factor as f32 / (1 << schedule.tilt.shift) as f32;
             let gain = gains.tilt.factor as f32 / (1 << gains.tilt.shift) as f32;
             (gain / own / 512.0, gains.settled)
         };
@@ -295,9 +335,9 @@ mod tests {
             (8, first / 64.0),
         ] {
             for _ in 0..blocks {
-                assert_eq!(tilt_gain(), (expected, false));
+                assert_eq!(tilt_gain(), (expected, 0));
             }
         }
-        assert_eq!(tilt_gain(), (1.0 / 512.0, true));
+        assert_eq!(tilt_gain(), (1.0 / 512.0, 1));
     }
 }

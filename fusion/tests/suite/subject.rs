@@ -56,36 +56,24 @@ pub(crate) fn counts(sample: &Sample) -> fixed::Counts {
     }
 }
 
-/// In fixed point, with what a clipped gyroscope hides made good for or not.
-macro_rules! fixed_subject {
-    ($over_range:ty, $new:ident) => {
-        impl<F: fixed::Filter + Clone> Subject for fixed::Estimator<F, $over_range>
-        where
-            F::Gains: Default,
-        {
-            // A count of the magnetometer is 0.2 deg of heading.
-            const RESOLUTION_DEG: f64 = 0.4;
+impl<F: fixed::Filter + Clone, S: fixed::Sensors + Clone> Subject for fixed::Estimator<F, S>
+where
+    F::Gains: Default,
+{
+    // A count of the magnetometer is 0.2 deg of heading.
+    const RESOLUTION_DEG: f64 = 0.4;
 
-            fn start() -> Self {
-                fixed::Estimator::$new(
-                    &Config::default().without_lags(),
-                    &fixed::Scale::BNO055,
-                    DT_US,
-                )
-                .expect("the defaults are valid")
-            }
+    fn start() -> Self {
+        let config = Config::default().without_lags();
+        fixed::Estimator::new(&config, &fixed::Scale::BNO055, DT_US)
+            .expect("the defaults are valid")
+    }
 
-            fn step(&mut self, dt_us: i64, sample: &Sample) -> Attitude {
-                let counts = counts(sample);
-                self.update(dt_us as u32, &counts);
-                self.attitude(&counts)
-            }
-        }
-    };
+    fn step(&mut self, dt_us: i64, sample: &Sample) -> Attitude {
+        self.update(dt_us as u32, &counts(sample));
+        self.attitude()
+    }
 }
-
-fixed_subject!(fixed::Ignored, new);
-fixed_subject!(fixed::Recovered, with_recovery);
 
 /// Field of Copenhagen: 50 uT, dip 70 deg, in north, east, down.
 pub(crate) fn field_ned() -> Vector3<f64> {

@@ -65,7 +65,7 @@ fn a_body_in_free_flight_is_turned_by_its_rates_alone() {
     }
     let angles = estimator.orientation().angles();
     let roll = crate::fixed::Angles::to_rad(angles.roll);
-    let seconds = 0.6 + 10.0 * f64::from(estimator.max_dt_us) * 1e-6;
+    let seconds = 0.6 + 10.0 * f64::from(estimator.settings.max_dt_us) * 1e-6;
     let expected = seconds * std::f64::consts::FRAC_PI_2;
     assert!(
         (f64::from(roll) - expected).abs() < 3e-3,
