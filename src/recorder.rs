@@ -18,7 +18,7 @@
 //! | 52, 54 | pulses, us; 0 for an axis that is not steered |
 //! | 56 | [`State::code`](crate::State::code), lower 16 bits |
 
-use tvc_fusion::{Quaternion, Vector3};
+use tvc_fusion::Quaternion;
 use tvc_imu::{Micros, RawSample};
 use tvc_pid::Q16;
 
@@ -165,7 +165,7 @@ pub struct Step {
     /// Attitude, body to earth, within 1e-4.
     pub orientation: Quaternion,
     /// Rates about the body's axes, rad/s.
-    pub rate: Vector3<f32>,
+    pub rate: [f32; 3],
     /// Crank angles that control asked for, rad, before limits.
     pub cranks_rad: [f32; Axis::COUNT],
     /// The pulses commanded.
@@ -194,7 +194,7 @@ impl Step {
                 mag: counts(18),
             }),
             orientation: Quaternion { w, x, y, z },
-            rate: Vector3::new(fixed(32), fixed(36), fixed(40)),
+            rate: [fixed(32), fixed(36), fixed(40)],
             cranks_rad: [44, 48].map(fixed),
             pulses: [52, 54].map(|at| PulseUs(half(at))),
             code: half(56),
@@ -383,7 +383,7 @@ mod tests {
                     .angle_to(&snapshot.orientation.quaternion())
                     < 3e-4
             );
-            assert_eq!(step.rate, Vector3::from(snapshot.rates.map(f32::from)));
+            assert_eq!(step.rate, snapshot.rates.map(f32::from));
             assert_eq!(
                 (step.cranks_rad, step.pulses, u32::from(step.code)),
                 (

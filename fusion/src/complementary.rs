@@ -6,8 +6,6 @@
 //! has no singularity. In the usual form with weights `w` for the gyroscope and `1 - w` for the
 //! other sensors, `tau = dt w / (1 - w)`: see [`ComplementaryGains::from_weight`].
 
-use nalgebra::Vector3;
-
 use crate::error::{ConfigError, in_range};
 use crate::estimator::{Filter, View};
 use crate::real::Real;
@@ -79,7 +77,7 @@ impl<T: Real> Filter for Complementary<T> {
     }
 
     #[inline(always)]
-    fn correction(&mut self, view: &View<T>, _bias: &mut Vector3<T>) -> Vector3<T> {
+    fn correction(&mut self, view: &View<T>, _bias: &mut [T; 3]) -> [T; 3] {
         let mut half_angle = zero();
         let down = &view.rows.down;
         if let Some(acc) = view.acc {

@@ -14,8 +14,6 @@ use crate::lag::{self, FieldLag};
 use crate::quaternion::{HalfRows, Quaternion};
 use crate::real::Real;
 use crate::vector::{dot, within};
-use nalgebra::Vector3;
-
 /// Handling of the magnetometer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -223,7 +221,7 @@ impl<T: Real> Field<T> {
                 let rad = T::from_f32(declination_rad);
                 // The sine and the cosine of the whole angle, from half of it, without a table of
                 // either.
-                let half = Quaternion::from_rotation_vector(&Vector3::new(T::ZERO, T::ZERO, rad));
+                let half = Quaternion::from_rotation_vector(&[T::ZERO, T::ZERO, rad]);
                 let (sin, cos) = (half.w * half.z, T::HALF - half.z * half.z);
                 Declination {
                     rad,
@@ -290,7 +288,7 @@ impl<T: Real> Field<T> {
     }
 
     /// The reference in the earth frame, uT.
-    pub(crate) fn expected(&self) -> Option<Vector3<T>> {
+    pub(crate) fn expected(&self) -> Option<[T; 3]> {
         let Parts {
             horizontal,
             vertical,
@@ -300,7 +298,7 @@ impl<T: Real> Field<T> {
             None => (horizontal, T::ZERO),
             Some(Declination { sin, cos, .. }) => (horizontal * cos, horizontal * sin),
         };
-        Some(Vector3::new(north, east, vertical + vertical))
+        Some([north, east, vertical + vertical])
     }
 
     /// The field's whole over its horizontal part, squared.
@@ -332,8 +330,8 @@ impl<T: Real> Field<T> {
         &mut self,
         dt: T,
         rows: &HalfRows<T>,
-        mag: &Vector3<T>,
-        rate: &Vector3<T>,
+        mag: &[T; 3],
+        rate: &[T; 3],
         trusted: bool,
     ) -> Option<HeadingError<T>> {
         let now = lag::now(mag, rate, self.lag.lag_s());
@@ -360,7 +358,7 @@ impl<T: Real> Field<T> {
     }
 
     /// A field that is like the reference to its full weight shows how late it is.
-    fn learn_lag(&mut self, rows: &HalfRows<T>, mag: &Vector3<T>, rate: &Vector3<T>) {
+    fn learn_lag(&mut self, rows: &HalfRows<T>, mag: &[T; 3], rate: &[T; 3]) {
         if let Some(reference) = &self.reference
             && self.averaged == AVERAGED
             && T::ONE.within(self.weight)
@@ -373,7 +371,7 @@ impl<T: Real> Field<T> {
 
     /// The first field, in the body frame and with the orientation found from it.
     #[cold]
-    pub(crate) fn begin(&mut self, rows: &HalfRows<T>, mag: &Vector3<T>) {
+    pub(crate) fn begin(&mut self, rows: &HalfRows<T>, mag: &[T; 3]) {
         let (north, east) = (dot(&rows.north, mag), dot(&rows.east, mag));
         let parts = Parts::new(north, east, dot(&rows.down, mag));
         self.reference = Reference::new(parts, self.gate);
@@ -391,7 +389,7 @@ impl<T: Real> Field<T> {
     }
 
     #[inline(never)]
-    fn judge(&mut self, parts: &Parts<T>, rate: &Vector3<T>) {
+    fn judge(&mut self, parts: &Parts<T>, rate: &[T; 3]) {
         let Some(reference) = &mut self.reference else {
             return;
         };
@@ -431,7 +429,7 @@ impl<T: Real> Field<T> {
     /// A field unlike the reference: does it stay the same while the body turns?
     #[cold]
     #[inline(never)]
-    fn consider(&mut self, parts: &Parts<T>, rate: &Vector3<T>) {
+    fn consider(&mut self, parts: &Parts<T>, rate: &[T; 3]) {
         match &mut self.candidate {
             Some((candidate, turned_s)) if candidate.weight(parts) > T::ZERO => {
                 if !within(rate, self.adopt_rate) {
@@ -472,6 +470,6 @@ impl<T: Real> Field<T> {
 
 /// Whether a magnetometer sample can be used at all: finite, not zero, and no larger than a magnet
 /// or a motor makes it.
-pub(crate) fn plausible<T: Real>(mag: &Vector3<T>) -> bool {
+pub(crate) fn plausible<T: Real>(mag: &[T; 3]) -> bool {
     within(mag, T::from_f32(MAX_UT)) && !within(mag, T::from_f32(MIN_HORIZONTAL_UT))
 }

@@ -1,7 +1,5 @@
 //! Integrated rates, the baseline: aligned at start-up, never corrected after.
 
-use nalgebra::Vector3;
-
 use crate::error::ConfigError;
 use crate::estimator::{Filter, View};
 use crate::mahony::{Mahony, MahonyGains};
@@ -38,7 +36,7 @@ impl<T: Real> Filter for Gyro<T> {
     }
 
     #[inline(always)]
-    fn correction(&mut self, view: &View<T>, bias: &mut Vector3<T>) -> Vector3<T> {
+    fn correction(&mut self, view: &View<T>, bias: &mut [T; 3]) -> [T; 3] {
         if view.starting {
             self.alignment.correction(view, bias)
         } else {

@@ -17,8 +17,6 @@
 //! wrong by is the larger part of it in motion. As everywhere here the acceleration is not
 //! normalised, and the field turns the heading only.
 
-use nalgebra::Vector3;
-
 use crate::config::GRAVITY;
 use crate::error::{ConfigError, in_range, positive};
 use crate::estimator::{Filter, View};
@@ -60,7 +58,7 @@ impl Default for KalmanGains {
 }
 
 /// Rows of a matrix.
-type Matrix<T> = [Vector3<T>; 3];
+type Matrix<T> = [[T; 3]; 3];
 
 /// The Kalman filter.
 #[derive(Clone, Debug)]
@@ -77,9 +75,9 @@ pub struct Kalman<T = f32> {
     /// Of the offset's error, (rad/s)^2.
     offset: Matrix<T>,
     /// The offset after the last step, rad/s.
-    bias: Vector3<T>,
+    bias: [T; 3],
     /// The errors found in this step, rad and rad/s.
-    found: (Vector3<T>, Vector3<T>),
+    found: ([T; 3], [T; 3]),
 }
 
 /// Deviation of an offset that was learned at rest, rad/s.
@@ -134,7 +132,7 @@ impl<T: Real> Filter for Kalman<T> {
         Ok(())
     }
 
-    fn correction(&mut self, view: &View<T>, bias: &mut Vector3<T>) -> Vector3<T> {
+    fn correction(&mut self, view: &View<T>, bias: &mut [T; 3]) -> [T; 3] {
         if self.bias != *bias {
             // A rest has shown it.
             self.mixed = [zero(); 3];
@@ -146,8 +144,8 @@ impl<T: Real> Filter for Kalman<T> {
         if let Some(acc) = &view.acc {
             let seen = scaled(&view.rows.rotate(acc), T::from_f32(1.0 / GRAVITY));
             let variance = self.acc * view.dt.recip();
-            self.observe(Axis::North, -seen.y, variance);
-            self.observe(Axis::East, seen.x, variance);
+            self.observe(Axis::North, -seen[1], variance);
+            self.observe(Axis::East, seen[0], variance);
         }
         if let Some(heading) = &view.heading {
             self.observe(Axis::Down, heading.sin, self.mag * view.mag_dt.recip());
@@ -155,9 +153,9 @@ impl<T: Real> Filter for Kalman<T> {
         let (attitude, offset) = self.found;
         add_scaled(bias, &offset, T::ONE);
         self.bias = *bias;
-        let mut half_angle = scaled(&view.rows.north, attitude.x);
-        add_scaled(&mut half_angle, &view.rows.east, attitude.y);
-        add_scaled(&mut half_angle, &view.rows.down, attitude.z);
+        let mut half_angle = scaled(&view.rows.north, attitude[0]);
+        add_scaled(&mut half_angle, &view.rows.east, attitude[1]);
+        add_scaled(&mut half_angle, &view.rows.down, attitude[2]);
         half_angle
     }
 }
@@ -171,11 +169,11 @@ enum Axis {
 }
 
 impl Axis {
-    fn of<T: Real>(self, v: &Vector3<T>) -> T {
+    fn of<T: Real>(self, v: &[T; 3]) -> T {
         match self {
-            Self::North => v.x,
-            Self::East => v.y,
-            Self::Down => v.z,
+            Self::North => v[0],
+            Self::East => v[1],
+            Self::Down => v[2],
         }
     }
 }
@@ -189,15 +187,15 @@ impl<T: Real> Kalman<T> {
         let before = self.mixed;
         for (mixed, row) in self.mixed.iter_mut().zip(&rows) {
             let [x, y, z] = &self.offset;
-            add_scaled(mixed, x, -(row.x * dt));
-            add_scaled(mixed, y, -(row.y * dt));
-            add_scaled(mixed, z, -(row.z * dt));
+            add_scaled(mixed, x, -(row[0] * dt));
+            add_scaled(mixed, y, -(row[1] * dt));
+            add_scaled(mixed, z, -(row[2] * dt));
         }
         let [m0, m1, m2] = &self.mixed;
         let [r0, r1, r2] = &rows;
         for ((line, row), before) in self.attitude.iter_mut().zip(&rows).zip(&before) {
-            let along = Vector3::new(dot(row, m0), dot(row, m1), dot(row, m2));
-            let back = Vector3::new(dot(before, r0), dot(before, r1), dot(before, r2));
+            let along = [dot(row, m0), dot(row, m1), dot(row, m2)];
+            let back = [dot(before, r0), dot(before, r1), dot(before, r2)];
             add_scaled(line, &along, -dt);
             add_scaled(line, &back, -dt);
         }
@@ -222,9 +220,9 @@ impl<T: Real> Kalman<T> {
         let heading = least(self.mag, view.mag_dt);
         let [north, east, down] = &mut self.attitude;
         for (variance, least) in [
-            (&mut north.x, tilt),
-            (&mut east.y, tilt),
-            (&mut down.z, heading),
+            (&mut north[0], tilt),
+            (&mut east[1], tilt),
+            (&mut down[2], heading),
         ] {
             if *variance < least {
                 *variance = least;
@@ -234,7 +232,7 @@ impl<T: Real> Kalman<T> {
 
     /// The error about an axis is seen as `error`, with this variance, rad^2.
     fn observe(&mut self, axis: Axis, error: T, variance: T) {
-        let along = Vector3::from(self.attitude.each_ref().map(|line| axis.of(line)));
+        let along = self.attitude.each_ref().map(|line| axis.of(line));
         let offset = match axis {
             Axis::North => self.mixed[0],
             Axis::East => self.mixed[1],
@@ -257,13 +255,13 @@ fn diagonal<T: Real>(value: T) -> Matrix<T> {
 }
 
 fn add_diagonal<T: Real>([x, y, z]: &mut Matrix<T>, [a, b, c]: [T; 3]) {
-    x.x += a;
-    y.y += b;
-    z.z += c;
+    x[0] += a;
+    y[1] += b;
+    z[2] += c;
 }
 
 /// `matrix -= left right^T k`
-fn subtract<T: Real>(matrix: &mut Matrix<T>, left: &Vector3<T>, right: &Vector3<T>, k: T) {
+fn subtract<T: Real>(matrix: &mut Matrix<T>, left: &[T; 3], right: &[T; 3], k: T) {
     for (line, part) in matrix.iter_mut().zip(left.iter()) {
         add_scaled(line, right, -(*part * k));
     }
@@ -273,13 +271,14 @@ fn subtract<T: Real>(matrix: &mut Matrix<T>, left: &Vector3<T>, right: &Vector3<
 mod tests {
     use super::*;
     use crate::quaternion::Quaternion;
+    use nalgebra::Vector3;
 
     fn still(dt: f64) -> View<f64> {
         View {
             dt,
-            rate: Vector3::zeros(),
+            rate: Vector3::zeros().into(),
             rows: Quaternion::<f64>::IDENTITY.half_rows(),
-            acc: Some(Vector3::new(0.0, 0.0, -f64::from(GRAVITY))),
+            acc: Some(Vector3::new(0.0, 0.0, -f64::from(GRAVITY)).into()),
             heading: None,
             mag_dt: dt,
             floor: 0.0,
@@ -297,22 +296,21 @@ mod tests {
             ..KalmanGains::default()
         };
         let mut kalman = Kalman::<f64>::new(&gains).expect("valid");
-        let mut bias = Vector3::zeros();
         for _ in 0..100_000 {
-            let half_angle = kalman.correction(&still(0.001), &mut bias);
-            assert!(half_angle.norm() < 1e-9);
+            let half_angle = kalman.correction(&still(0.001), &mut [0.0; 3]);
+            assert!(Vector3::from(half_angle).norm() < 1e-9);
         }
         let (q, r) = (f64::from(gains.gyr_rad2_s), f64::from(gains.acc_rad2_s));
         let [north, east, down] = kalman.attitude;
         let expected = (q * r).sqrt();
-        for tilt in [north.x, east.y] {
+        for tilt in [north[0], east[1]] {
             assert!(
                 (tilt - expected).abs() < 0.01 * expected,
                 "{tilt} {expected}"
             );
         }
-        assert!((down.z - 0.1 - 100.0 * q).abs() < 1e-4, "{}", down.z);
-        assert_eq!(kalman.offset, [Vector3::zeros(); 3]);
+        assert!((down[2] - 0.1 - 100.0 * q).abs() < 1e-4, "{}", down[2]);
+        assert_eq!(kalman.offset, [[0.0; 3]; 3]);
     }
 
     /// The first correction is P / (P + R/dt) of the error, about the axis that it is about.
@@ -323,17 +321,17 @@ mod tests {
         // The body is really turned by `tilt` about north: up is seen at sin(tilt) to the west.
         let up = f64::from(GRAVITY);
         let view = View {
-            acc: Some(Vector3::new(0.0, -tilt.sin() * up, -tilt.cos() * up)),
+            acc: Some(Vector3::new(0.0, -tilt.sin() * up, -tilt.cos() * up).into()),
             ..still(dt)
         };
-        let half_angle = kalman.correction(&view, &mut Vector3::zeros());
+        let half_angle = kalman.correction(&view, &mut [0.0; 3]);
         let variance = 0.1;
         let gain = variance / (variance + f64::from(KalmanGains::default().acc_rad2_s) / dt);
         let expected = 0.5 * gain * tilt;
         assert!(
-            (half_angle.x - expected).abs() < 1e-3 * expected,
-            "{half_angle}"
+            (half_angle[0] - expected).abs() < 1e-3 * expected,
+            "{half_angle:?}"
         );
-        assert!(half_angle.y.abs() + half_angle.z.abs() < 1e-9);
+        assert!(half_angle[1].abs() + half_angle[2].abs() < 1e-9);
     }
 }

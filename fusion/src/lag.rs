@@ -22,8 +22,6 @@
 //! The accelerometer's lag does not show like that: off the centre of a motion there are
 //! accelerations that go with the turning, which look the same.
 
-use nalgebra::Vector3;
-
 use crate::error::{ConfigError, in_range};
 use crate::quaternion::HalfRows;
 use crate::real::Number;
@@ -44,10 +42,10 @@ const SHORT_TURN: f32 = 0.02;
 
 /// The vector that was seen as `v` in the body frame `lag_s` ago, now, at the rate `rate` (rad/s).
 #[inline(always)]
-pub(crate) fn now<T: Number>(v: &Vector3<T>, rate: &Vector3<T>, lag_s: T) -> Vector3<T> {
+pub(crate) fn now<T: Number>(v: &[T; 3], rate: &[T; 3], lag_s: T) -> [T; 3] {
     let turn = scaled(rate, lag_s);
     let first = cross(v, &turn);
-    let mut now = Vector3::new(v.x + first.x, v.y + first.y, v.z + first.z);
+    let mut now = [v[0] + first[0], v[1] + first[1], v[2] + first[2]];
     if !within(&turn, T::from_f32(SHORT_TURN)) {
         add_scaled(&mut now, &cross(&first, &turn), T::HALF);
     }
@@ -73,7 +71,7 @@ pub(crate) struct FieldLag<T> {
 struct Regression<T> {
     /// Means of the field and of its change by a second's turning, earth frame, in parts of the
     /// field.
-    means: Option<(Vector3<T>, Vector3<T>)>,
+    means: Option<([T; 3], [T; 3])>,
     /// Time since the last sample that was learned from, s.
     waited_s: T,
     /// `prior mag_lag_s - sum s.x dt`, rad^2.
@@ -138,8 +136,8 @@ impl<T: Number> FieldLag<T> {
         &mut self,
         dt: T,
         rows: &HalfRows<T>,
-        field: &Vector3<T>,
-        rate: &Vector3<T>,
+        field: &[T; 3],
+        rate: &[T; 3],
         per_field: T,
     ) {
         let Some(regression) = &mut self.learned else {
@@ -167,7 +165,7 @@ impl<T: Number> FieldLag<T> {
 mod tests {
     use super::*;
     use crate::quaternion::Quaternion;
-    use nalgebra::UnitQuaternion;
+    use nalgebra::{UnitQuaternion, Vector3};
 
     #[test]
     fn a_vector_is_where_the_turn_has_taken_it() {
@@ -175,7 +173,9 @@ mod tests {
         let seen = Vector3::new(20.0, 5.0, -40.0);
         for lag_s in [0.0, 0.004, 0.012, -0.01] {
             let turn = UnitQuaternion::from_scaled_axis(rate * lag_s);
-            let error = (now(&seen, &rate, lag_s) - turn.inverse() * seen).norm();
+            let error = (Vector3::from(now(&seen.into(), &rate.into(), lag_s))
+                - turn.inverse() * seen)
+                .norm();
             // The third-order term, (|w| lag)^3 / 6 of the vector, or what first order leaves.
             let turn = (rate.norm() * lag_s).abs();
             let most = (turn.powi(3) / 6.0).max(6.5e-4) * seen.norm();
@@ -200,7 +200,13 @@ mod tests {
             };
             let seen = then.inverse() * field;
             if let Some(dt) = lag.due(0.02) {
-                lag.learn(dt, &q.half_rows(), &seen, &rate, 1.0 / field.norm());
+                lag.learn(
+                    dt,
+                    &q.half_rows(),
+                    &seen.into(),
+                    &rate.into(),
+                    1.0 / field.norm(),
+                );
             }
         }
         lag.lag_s()

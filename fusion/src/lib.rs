@@ -51,7 +51,6 @@ pub use gyro::{Gyro, NoGains};
 pub use kalman::{Kalman, KalmanGains};
 pub use madgwick::{Madgwick, MadgwickGains};
 pub use mahony::{Mahony, MahonyGains};
-pub use nalgebra::Vector3;
 pub use quality::{BiasState, Quality};
 pub use quaternion::{Euler, HalfRows, Quaternion};
 pub use real::{Number, Real};

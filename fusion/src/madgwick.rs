@@ -9,8 +9,6 @@
 //! heading only), and a step never passes the minimum: at zero misfit there is no direction to
 //! normalise.
 
-use nalgebra::Vector3;
-
 use crate::error::{ConfigError, in_range};
 use crate::estimator::{Filter, View};
 use crate::real::Real;
@@ -60,7 +58,7 @@ impl<T: Real> Filter for Madgwick<T> {
     }
 
     #[inline(always)]
-    fn correction(&mut self, view: &View<T>, _bias: &mut Vector3<T>) -> Vector3<T> {
+    fn correction(&mut self, view: &View<T>, _bias: &mut [T; 3]) -> [T; 3] {
         // Halves of the rotations that would take the predictions onto the measurements, at right
         // angles to each other; their sum is at most 1/2.
         let (mut tilt, mut heading) = (zero(), zero());

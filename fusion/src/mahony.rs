@@ -8,8 +8,6 @@
 //! not normalised: the acceleration of a motion has a mean of zero as a vector, but not as a
 //! direction.
 
-use nalgebra::Vector3;
-
 use crate::config::GRAVITY;
 use crate::error::{ConfigError, in_range};
 use crate::estimator::{Filter, View};
@@ -80,7 +78,7 @@ impl<T: Real> Filter for Mahony<T> {
     }
 
     #[inline(always)]
-    fn correction(&mut self, view: &View<T>, bias: &mut Vector3<T>) -> Vector3<T> {
+    fn correction(&mut self, view: &View<T>, bias: &mut [T; 3]) -> [T; 3] {
         let mut half_angle = zero();
         let down = &view.rows.down;
         if let Some(acc) = view.acc {

@@ -17,8 +17,6 @@
 //! as the body turns, every part shows in time. The method is of the class of VQF's motion offset
 //! (Laidig and Seel, 2022), without its dependence on the filter's own dynamics.
 
-use nalgebra::Vector3;
-
 use crate::config::GRAVITY;
 use crate::quaternion::HalfRows;
 use crate::real::Real;
@@ -49,7 +47,7 @@ struct Sums<T> {
     seen2: T,
     seen: [T; 2],
     /// Rows of `S`, s.
-    turned: [Vector3<T>; 2],
+    turned: [[T; 3]; 2],
 }
 
 impl<T: Real> Sums<T> {
@@ -72,7 +70,7 @@ pub(crate) struct MotionBias<T> {
     /// Since the last account: time, s, the sum of corrections (half a rotation vector, body
     /// frame), and of accelerations, half of them, north and east, m/s^2, with the number of those.
     time_s: T,
-    corrected: Vector3<T>,
+    corrected: [T; 3],
     half_acc: [T; 2],
     samples: u16,
     /// Since the start: without the error that is seen.
@@ -84,7 +82,7 @@ pub(crate) struct MotionBias<T> {
     /// Means over the block before.
     before: Option<Sums<T>>,
     /// Covariance of the offset, (rad/s)^2.
-    covariance: [Vector3<T>; 3],
+    covariance: [[T; 3]; 3],
 }
 
 impl<T: Real> MotionBias<T> {
@@ -110,9 +108,9 @@ impl<T: Real> MotionBias<T> {
             block_s: T::ZERO,
             before: None,
             covariance: [
-                Vector3::new(unknown, T::ZERO, T::ZERO),
-                Vector3::new(T::ZERO, unknown, T::ZERO),
-                Vector3::new(T::ZERO, T::ZERO, unknown),
+                [unknown, T::ZERO, T::ZERO],
+                [T::ZERO, unknown, T::ZERO],
+                [T::ZERO, T::ZERO, unknown],
             ],
         }
     }
@@ -128,7 +126,7 @@ impl<T: Real> MotionBias<T> {
     /// Variance of the offset, (rad/s)^2: the mean of its axes.
     pub(crate) fn variance(&self) -> T {
         let [x, y, z] = &self.covariance;
-        (x.x + y.y + z.z) * T::from_f32(1.0 / 3.0)
+        (x[0] + y[1] + z[2]) * T::from_f32(1.0 / 3.0)
     }
 
     /// One step: the orientation after it, the acceleration if it shows a vertical, and the
@@ -139,9 +137,9 @@ impl<T: Real> MotionBias<T> {
         &mut self,
         dt: T,
         rows: &HalfRows<T>,
-        acc: Option<&Vector3<T>>,
-        correction: &Vector3<T>,
-        bias: &mut Vector3<T>,
+        acc: Option<&[T; 3]>,
+        correction: &[T; 3],
+        bias: &mut [T; 3],
     ) -> bool {
         self.time_s += dt;
         if let Some(acc) = acc {
@@ -152,17 +150,17 @@ impl<T: Real> MotionBias<T> {
         }
         let is_due = !self.time_s.within(T::from_f32(ACCOUNT_S)) && self.samples > 0;
         let corrects = is_due && self.account(rows, bias);
-        self.corrected.x += correction.x;
-        self.corrected.y += correction.y;
-        self.corrected.z += correction.z;
+        self.corrected[0] += correction[0];
+        self.corrected[1] += correction[1];
+        self.corrected[2] += correction[2];
         corrects
     }
 
     /// Adds up what was seen since the last account. True where the offset was corrected.
     #[cold]
-    fn account(&mut self, rows: &HalfRows<T>, bias: &mut Vector3<T>) -> bool {
+    fn account(&mut self, rows: &HalfRows<T>, bias: &mut [T; 3]) -> bool {
         let dt = core::mem::replace(&mut self.time_s, T::ZERO);
-        let twice = |row: &Vector3<T>| scaled(row, T::ONE + T::ONE);
+        let twice = |row: &[T; 3]| scaled(row, T::ONE + T::ONE);
         let axes = [twice(&rows.north), twice(&rows.east)];
         let corrected = core::mem::replace(&mut self.corrected, zero());
         let samples = core::mem::take(&mut self.samples);
@@ -196,7 +194,7 @@ impl<T: Real> MotionBias<T> {
     }
 
     /// The block's means against those of the block before.
-    fn close(&mut self, bias: &mut Vector3<T>) -> bool {
+    fn close(&mut self, bias: &mut [T; 3]) -> bool {
         self.block_s = T::ZERO;
         let per_account = core::mem::replace(&mut self.accounts, T::ZERO).recip();
         let sums = core::mem::replace(&mut self.block, Sums::none());
@@ -231,12 +229,12 @@ impl<T: Real> MotionBias<T> {
     }
 
     /// `seen = row b`, with a noise of this variance.
-    fn observe(&mut self, row: &Vector3<T>, seen: T, noise: T, bias: &mut Vector3<T>) {
+    fn observe(&mut self, row: &[T; 3], seen: T, noise: T, bias: &mut [T; 3]) {
         let left = seen - dot(row, bias);
         if !left.within(T::from_f32(MOST)) {
             return;
         }
-        let along = Vector3::from(self.covariance.each_ref().map(|c| dot(c, row)));
+        let along = self.covariance.each_ref().map(|c| dot(c, row));
         let inverse = (dot(row, &along) + noise).recip();
         add_scaled(bias, &along, left * inverse);
         for (row, part) in self.covariance.iter_mut().zip(along.iter()) {

@@ -15,8 +15,6 @@
 //! The gains are those of the defaults, and the constants were found on seven recordings of BROAD
 //! with the VQF class. The errors of the other filters are larger.
 
-use nalgebra::Vector3;
-
 use crate::real::Real;
 use crate::vector::dot;
 
@@ -183,7 +181,7 @@ impl<T: Real> Doubt<T> {
 
     /// Accounts for the time that has passed, at this rate, rad/s.
     #[inline(never)]
-    pub(crate) fn account(&mut self, rate: &Vector3<T>, evidence: &Evidence<T>) {
+    pub(crate) fn account(&mut self, rate: &[T; 3], evidence: &Evidence<T>) {
         let dt = core::mem::replace(&mut self.time_s, T::ZERO);
         if core::mem::take(&mut self.good_field) {
             self.field_age_s = Some(T::ZERO);

@@ -14,8 +14,6 @@
 //! the same. Until it has been met again, or in another sense or axis, a limit is only supposed:
 //! the peaks of up to half a second that it cuts are compensated, and nothing else.
 
-use nalgebra::Vector3;
-
 use crate::real::Number;
 
 /// Slowest rate that can be a limit, rad/s: no gyroscope ends below 115 deg/s.
@@ -189,15 +187,15 @@ impl<T: Number> Range<T> {
 
     /// Whether there is nothing to examine, which is nearly always so and costs no arithmetic.
     #[inline(always)]
-    pub(crate) fn is_quiet(&self, gyr: &Vector3<T>) -> bool {
+    pub(crate) fn is_quiet(&self, gyr: &[T; 3]) -> bool {
         let [x, y, z] = &self.axes;
-        !self.busy && gyr.x.within(x.quiet) && gyr.y.within(y.quiet) && gyr.z.within(z.quiet)
+        !self.busy && gyr[0].within(x.quiet) && gyr[1].within(y.quiet) && gyr[2].within(z.quiet)
     }
 
     /// Rates that are not quiet: clamp them to the configured limit, and say what each axis hides.
     #[cold]
     #[inline(never)]
-    pub(crate) fn examine(&mut self, dt: T, gyr: &mut Vector3<T>) -> [Hidden<T>; 3] {
+    pub(crate) fn examine(&mut self, dt: T, gyr: &mut [T; 3]) -> [Hidden<T>; 3] {
         let mut hidden = [Hidden::Nothing; 3];
         self.busy = false;
         for ((axis, rate), hidden) in self.axes.iter_mut().zip(gyr.iter_mut()).zip(&mut hidden) {
@@ -467,7 +465,7 @@ mod tests {
         let (dt, mut given, mut times) = (0.0025, 0.0, 0);
         for k in 0..(seconds / dt) as u32 {
             let rate = 10.0 * (f64::from(k) * dt * 4.0).sin();
-            let mut gyr = Vector3::new(0.0, rate.clamp(-clip, clip), 0.0);
+            let mut gyr = [0.0, rate.clamp(-clip, clip), 0.0];
             if !range.is_quiet(&gyr)
                 && let Hidden::Angle(angle, _) = range.examine(dt, &mut gyr)[1]
             {
@@ -510,7 +508,7 @@ mod tests {
             let t = f64::from(k) * dt;
             // Clipped at 8 and -7.8, then a percent of another axis.
             let rate = (10.0 * (4.0 * t).sin()).clamp(-7.8, 8.0);
-            let mut gyr = Vector3::new(0.0, rate + 0.08 * (40.0 * t).cos(), 0.0);
+            let mut gyr = [0.0, rate + 0.08 * (40.0 * t).cos(), 0.0];
             if !range.is_quiet(&gyr)
                 && let Hidden::Angle(angle, _) = range.examine(dt, &mut gyr)[1]
             {
@@ -528,7 +526,7 @@ mod tests {
         let mut range = Range::new(34.0, Rules::Plain);
         for k in 0..4000 {
             let t = f64::from(k) * 0.0025;
-            let mut gyr = Vector3::new(0.0, (10.0 * t).min(20.0 * (10.0 - t)).min(5.0), 0.0);
+            let mut gyr = [0.0, (10.0 * t).min(20.0 * (10.0 - t)).min(5.0), 0.0];
             if !range.is_quiet(&gyr)
                 && let Hidden::Angle(angle, _) = range.examine(0.0025, &mut gyr)[1]
             {
@@ -559,10 +557,10 @@ mod tests {
         let mut clipped = [false; 3];
         for k in 0..920 {
             let t = f64::from(k) * 0.0025;
-            let mut gyr = Vector3::new(0.0, (10.0 * (4.0 * t).sin()).clamp(-8.0, 8.0), 0.0);
+            let mut gyr = [0.0, (10.0 * (4.0 * t).sin()).clamp(-8.0, 8.0), 0.0];
             if !range.is_quiet(&gyr)
                 && range.examine(0.0025, &mut gyr)[1]
-                    == Hidden::Rate(range.axes[1].limit(gyr.y < 0.0).size)
+                    == Hidden::Rate(range.axes[1].limit(gyr[1] < 0.0).size)
             {
                 clipped[(t / core::f64::consts::FRAC_PI_4) as usize] = true;
             }

@@ -11,7 +11,7 @@ pub(crate) mod sealed {
 /// What the parts that every arithmetic shares compute with: `f32`, `f64`, and fixed point.
 pub trait Number:
     sealed::Sealed
-    + nalgebra::Scalar
+    + core::fmt::Debug
     + Copy
     + Default
     + PartialOrd

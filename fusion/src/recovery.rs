@@ -11,8 +11,6 @@
 //! seconds, from an attitude that is off by far more than an ordinary disturbance of the field
 //! makes it.
 
-use nalgebra::Vector3;
-
 use crate::config::GRAVITY;
 use crate::quaternion::HalfRows;
 use crate::range::Hidden;
@@ -44,23 +42,23 @@ const LEFT: f32 = 0.35;
 /// What accelerometer and magnetometer show.
 pub(crate) struct Seen<T> {
     /// Specific force, m/s^2.
-    pub(crate) acc: Option<Vector3<T>>,
+    pub(crate) acc: Option<[T; 3]>,
     /// Field, uT, in the body frame, and what it should be in the earth frame.
-    pub(crate) field: Option<(Vector3<T>, Vector3<T>)>,
+    pub(crate) field: Option<([T; 3], [T; 3])>,
     /// Time since the last field, s.
     pub(crate) field_dt: T,
     /// How late the field is behind the rates, s.
     pub(crate) field_lag_s: T,
     /// Rotation rate, rad/s.
-    pub(crate) rate: Vector3<T>,
+    pub(crate) rate: [T; 3],
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct Recovery<T> {
     /// Covariance of the error, rad^2.
-    covariance: [Vector3<T>; 3],
+    covariance: [[T; 3]; 3],
     /// The error found in this step, rad.
-    error: Vector3<T>,
+    error: [T; 3],
     /// The angle by which the attitude was corrected so far about each axis that is clipped, rad.
     given: [Option<T>; 3],
     left_s: T,
@@ -96,7 +94,7 @@ impl<T: Number> Recovery<T> {
         rows: &HalfRows<T>,
         hidden: &[Hidden<T>; 3],
         seen: &Seen<T>,
-    ) -> (Vector3<T>, T) {
+    ) -> ([T; 3], T) {
         if !self.is_active() {
             (self.covariance, self.given) = ([zero(); 3], [None; 3]);
         }
@@ -112,7 +110,7 @@ impl<T: Number> Recovery<T> {
         }
         if let Some(acc) = seen.acc {
             let up = scaled(&rows.rotate(&acc), T::from_f32(1.0 / GRAVITY));
-            let expected = Vector3::new(T::ZERO, T::ZERO, -T::ONE);
+            let expected = [T::ZERO, T::ZERO, -T::ONE];
             self.observe(&up, &expected, self.acc_density * dt.recip());
         }
         if let Some((field, expected)) = &seen.field {
@@ -124,11 +122,11 @@ impl<T: Number> Recovery<T> {
             }
         }
         let half = axes.map(|axis| dot(&axis, &self.error) * T::HALF);
-        (Vector3::from(half), heading_variance)
+        (half, heading_variance)
     }
 
     /// What an axis hides; the variance that the heading gains by it.
-    fn axis(&mut self, dt: T, axis: &Vector3<T>, hidden: Hidden<T>, index: usize) -> T {
+    fn axis(&mut self, dt: T, axis: &[T; 3], hidden: Hidden<T>, index: usize) -> T {
         let Some(given) = self.given.get_mut(index) else {
             return T::ZERO;
         };
@@ -153,36 +151,30 @@ impl<T: Number> Recovery<T> {
                     }
                 };
                 self.update(axis, left, variance);
-                variance * axis.z * axis.z * T::from_f32(LEFT)
+                variance * axis[2] * axis[2] * T::from_f32(LEFT)
             }
         }
     }
 
     /// The error about an axis has gained a variance, rad^2.
-    fn widen(&mut self, axis: &Vector3<T>, variance: T) {
+    fn widen(&mut self, axis: &[T; 3], variance: T) {
         for (row, part) in self.covariance.iter_mut().zip(axis.iter()) {
             add_scaled(row, axis, *part * variance);
         }
     }
 
     /// The field's direction, in parts of its expected strength.
-    fn compare(
-        &mut self,
-        rows: &HalfRows<T>,
-        seen: &Seen<T>,
-        field: &Vector3<T>,
-        expected: &Vector3<T>,
-    ) {
+    fn compare(&mut self, rows: &HalfRows<T>, seen: &Seen<T>, field: &[T; 3], expected: &[T; 3]) {
         let rate = &seen.rate;
         let scale = dot(expected, expected).sqrt().recip();
         // dm/dt = m x rate in the body frame.
         let late = cross(field, rate);
         let now = |field: T, late: T| (field + late * seen.field_lag_s) * scale;
-        let field = Vector3::new(
-            now(field.x, late.x),
-            now(field.y, late.y),
-            now(field.z, late.z),
-        );
+        let field = [
+            now(field[0], late[0]),
+            now(field[1], late[1]),
+            now(field[2], late[2]),
+        ];
         let off = dot(&field, &field).sqrt() - T::ONE;
         if off.within(T::from_f32(STRENGTH)) {
             let lag = T::from_f32(LAG_DEVIATION_S);
@@ -200,12 +192,12 @@ impl<T: Number> Recovery<T> {
 
     /// A direction is seen in the earth frame where another is expected, about as long as one;
     /// `expected - seen = error x seen`.
-    fn observe(&mut self, seen: &Vector3<T>, expected: &Vector3<T>, variance: T) {
+    fn observe(&mut self, seen: &[T; 3], expected: &[T; 3], variance: T) {
         let s = seen;
         for (row, difference) in [
-            (Vector3::new(T::ZERO, s.z, -s.y), expected.x - s.x),
-            (Vector3::new(-s.z, T::ZERO, s.x), expected.y - s.y),
-            (Vector3::new(s.y, -s.x, T::ZERO), expected.z - s.z),
+            ([T::ZERO, s[2], -s[1]], expected[0] - s[0]),
+            ([-s[2], T::ZERO, s[0]], expected[1] - s[1]),
+            ([s[1], -s[0], T::ZERO], expected[2] - s[2]),
         ] {
             let left = difference - dot(&row, &self.error);
             self.update(&row, left, variance);
@@ -214,26 +206,26 @@ impl<T: Number> Recovery<T> {
 
     /// The Kalman filter's update: the error along `row` is by `left` larger than what was found of
     /// it.
-    fn update(&mut self, row: &Vector3<T>, left: T, variance: T) {
-        let along = Vector3::from(self.covariance.each_ref().map(|c| dot(c, row)));
+    fn update(&mut self, row: &[T; 3], left: T, variance: T) {
+        let along = self.covariance.each_ref().map(|c| dot(c, row));
         let inverse = (dot(row, &along) + variance).recip();
         add_scaled(&mut self.error, &along, left * inverse);
         for (row, part) in self.covariance.iter_mut().zip(along.iter()) {
             let part = *part * inverse;
-            row.x = row.x - part * along.x;
-            row.y = row.y - part * along.y;
-            row.z = row.z - part * along.z;
+            row[0] = row[0] - part * along[0];
+            row[1] = row[1] - part * along[1];
+            row[2] = row[2] - part * along[2];
         }
     }
 }
 
 /// The body's axes in the earth frame.
-fn columns<T: Number>(rows: &HalfRows<T>) -> [Vector3<T>; 3] {
-    let twice = |n: T, e: T, d: T| Vector3::new(n + n, e + e, d + d);
+fn columns<T: Number>(rows: &HalfRows<T>) -> [[T; 3]; 3] {
+    let twice = |n: T, e: T, d: T| [n + n, e + e, d + d];
     let HalfRows { north, east, down } = rows;
     [
-        twice(north.x, east.x, down.x),
-        twice(north.y, east.y, down.y),
-        twice(north.z, east.z, down.z),
+        twice(north[0], east[0], down[0]),
+        twice(north[1], east[1], down[1]),
+        twice(north[2], east[2], down[2]),
     ]
 }

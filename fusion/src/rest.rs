@@ -8,8 +8,6 @@
 use crate::error::{ConfigError, positive};
 use crate::real::Real;
 use crate::vector::{difference, within, zero};
-use nalgebra::Vector3;
-
 /// When the body counts as at rest, and what is learned from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -74,12 +72,12 @@ pub(crate) struct Rest<T> {
     /// Blocks that the offset is averaged over.
     memory: u32,
     block: Block<T>,
-    reference: Option<(Vector3<T>, Vector3<T>)>,
+    reference: Option<([T; 3], [T; 3])>,
     /// Consecutive blocks at rest.
     still: u32,
     /// Mean rate of the blocks at rest that the offset has not learned yet. The newest is always
     /// held back until the next is at rest too: a motion may have begun in it.
-    mean: Vector3<T>,
+    mean: [T; 3],
     /// Their number.
     held: u32,
     /// Blocks that the offset stands on.
@@ -92,8 +90,8 @@ pub(crate) struct Rest<T> {
 
 #[derive(Clone, Debug)]
 struct Block<T> {
-    gyr: Vector3<i32>,
-    acc: Vector3<i32>,
+    gyr: [i32; 3],
+    acc: [i32; 3],
     count: u32,
     time_s: T,
 }
@@ -101,8 +99,8 @@ struct Block<T> {
 impl<T: Real> Block<T> {
     fn empty() -> Self {
         Self {
-            gyr: Vector3::new(0, 0, 0),
-            acc: Vector3::new(0, 0, 0),
+            gyr: [0, 0, 0],
+            acc: [0, 0, 0],
             count: 0,
             time_s: T::ZERO,
         }
@@ -190,13 +188,7 @@ impl<T: Real> Rest<T> {
     /// One sample: rotation rate as measured (rad/s) and specific force (m/s^2). `bias` is
     /// corrected when a block of rest is complete.
     #[inline(always)]
-    pub(crate) fn update(
-        &mut self,
-        dt: T,
-        gyr: &Vector3<T>,
-        acc: &Vector3<T>,
-        bias: &mut Vector3<T>,
-    ) {
+    pub(crate) fn update(&mut self, dt: T, gyr: &[T; 3], acc: &[T; 3], bias: &mut [T; 3]) {
         let block = &mut self.block;
         add(&mut block.gyr, gyr, GYR_BITS);
         add(&mut block.acc, acc, ACC_BITS);
@@ -209,10 +201,10 @@ impl<T: Real> Rest<T> {
 
     #[cold]
     #[inline(never)]
-    fn close_block(&mut self, bias: &mut Vector3<T>) {
+    fn close_block(&mut self, bias: &mut [T; 3]) {
         let block = core::mem::replace(&mut self.block, Block::empty());
         let per_sample = T::from_f32(block.count as f32).recip();
-        let mean = |sum: Vector3<i32>, bits: u8| {
+        let mean = |sum: [i32; 3], bits: u8| {
             let k = per_sample * T::from_f32(1.0 / (1u32 << (bits & 31)) as f32);
             sum.map(|sum| T::from_f32(sum as f32) * k)
         };
@@ -259,95 +251,67 @@ impl<T: Real> Rest<T> {
 }
 
 #[inline(always)]
-fn add<T: Real>(sum: &mut Vector3<i32>, v: &Vector3<T>, bits: u8) {
-    sum.x = sum.x.wrapping_add(v.x.to_fixed(bits));
-    sum.y = sum.y.wrapping_add(v.y.to_fixed(bits));
-    sum.z = sum.z.wrapping_add(v.z.to_fixed(bits));
+fn add<T: Real>(sum: &mut [i32; 3], v: &[T; 3], bits: u8) {
+    sum[0] = sum[0].wrapping_add(v[0].to_fixed(bits));
+    sum[1] = sum[1].wrapping_add(v[1].to_fixed(bits));
+    sum[2] = sum[2].wrapping_add(v[2].to_fixed(bits));
 }
 
-fn near<T: Real>(a: &Vector3<T>, b: &Vector3<T>, limit: T) -> bool {
+fn near<T: Real>(a: &[T; 3], b: &[T; 3], limit: T) -> bool {
     within(&difference(a, b), limit)
 }
 
 /// `from += (to - from) share`
-fn step_towards<T: Real>(from: &mut Vector3<T>, to: &Vector3<T>, share: T) {
-    from.x = from.x + (to.x - from.x) * share;
-    from.y = from.y + (to.y - from.y) * share;
-    from.z = from.z + (to.z - from.z) * share;
+fn step_towards<T: Real>(from: &mut [T; 3], to: &[T; 3], share: T) {
+    from[0] = from[0] + (to[0] - from[0]) * share;
+    from[1] = from[1] + (to[1] - from[1]) * share;
+    from[2] = from[2] + (to[2] - from[2]) * share;
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn run(
-        rest: &mut Rest<f32>,
-        bias: &mut Vector3<f32>,
-        seconds: f32,
-        gyr: impl Fn(f32) -> Vector3<f32>,
-    ) {
+    fn run(rest: &mut Rest<f32>, bias: &mut [f32; 3], seconds: f32, gyr: impl Fn(f32) -> [f32; 3]) {
         for k in 0..(seconds * 100.0) as u32 {
-            rest.update(
-                0.01,
-                &gyr(k as f32 * 0.01),
-                &Vector3::new(0.0, 0.0, -9.81),
-                bias,
-            );
+            rest.update(0.01, &gyr(k as f32 * 0.01), &[0.0, 0.0, -9.81], bias);
         }
     }
 
     #[test]
     fn an_offset_is_learned_within_two_seconds_of_rest() {
-        let (mut rest, mut bias) = (
-            Rest::new(&RestConfig::default()).expect("valid"),
-            Vector3::zeros(),
-        );
-        run(&mut rest, &mut bias, 1.2, |_| {
-            Vector3::new(0.01, -0.02, 0.03)
-        });
-        assert!(!rest.is_at_rest() && bias == Vector3::zeros());
-        run(&mut rest, &mut bias, 0.8, |_| {
-            Vector3::new(0.01, -0.02, 0.03)
-        });
+        let (mut rest, mut bias) = (Rest::new(&RestConfig::default()).expect("valid"), [0.0; 3]);
+        run(&mut rest, &mut bias, 1.2, |_| [0.01, -0.02, 0.03]);
+        assert!(!rest.is_at_rest() && bias == [0.0; 3]);
+        run(&mut rest, &mut bias, 0.8, |_| [0.01, -0.02, 0.03]);
         assert!(rest.is_at_rest());
-        assert!((bias - Vector3::new(0.01, -0.02, 0.03)).norm() < 5e-7);
+        assert!(within(&difference(&bias, &[0.01, -0.02, 0.03]), 5e-7));
     }
 
     #[test]
     fn vibration_does_not_hide_rest() {
-        let (mut rest, mut bias) = (
-            Rest::new(&RestConfig::default()).expect("valid"),
-            Vector3::zeros(),
-        );
+        let (mut rest, mut bias) = (Rest::new(&RestConfig::default()).expect("valid"), [0.0; 3]);
         run(&mut rest, &mut bias, 3.0, |t| {
-            Vector3::new(0.01 + 0.05 * (t * 251.3).sin(), 0.0, 0.0)
+            [0.01 + 0.05 * (t * 251.3).sin(), 0.0, 0.0]
         });
         assert!(rest.is_at_rest());
-        assert!((bias.x - 0.01).abs() < 5e-3, "{bias}");
+        assert!((bias[0] - 0.01).abs() < 5e-3, "{bias:?}");
     }
 
     #[test]
     fn a_slow_turn_is_not_an_offset() {
-        let (mut rest, mut bias) = (
-            Rest::new(&RestConfig::default()).expect("valid"),
-            Vector3::zeros(),
-        );
-        run(&mut rest, &mut bias, 10.0, |_| Vector3::new(0.0, 0.0, 0.2));
+        let (mut rest, mut bias) = (Rest::new(&RestConfig::default()).expect("valid"), [0.0; 3]);
+        run(&mut rest, &mut bias, 10.0, |_| [0.0, 0.0, 0.2]);
         assert!(!rest.is_at_rest());
-        assert_eq!(bias, Vector3::zeros());
+        assert_eq!(bias, [0.0; 3]);
     }
 
     #[test]
     fn motion_ends_rest_and_the_offset_stays() {
-        let (mut rest, mut bias) = (
-            Rest::new(&RestConfig::default()).expect("valid"),
-            Vector3::zeros(),
-        );
-        run(&mut rest, &mut bias, 3.0, |_| Vector3::new(0.01, 0.0, 0.0));
-        run(&mut rest, &mut bias, 3.0, |t| {
-            Vector3::new((3.0 * t).sin(), 0.0, 0.0)
-        });
+        let (mut rest, mut bias) = (Rest::new(&RestConfig::default()).expect("valid"), [0.0; 3]);
+        run(&mut rest, &mut bias, 3.0, |_| [0.01, 0.0, 0.0]);
+        run(&mut rest, &mut bias, 3.0, |t| [(3.0 * t).sin(), 0.0, 0.0]);
         assert!(!rest.is_at_rest());
-        assert!((bias.x - 0.01).abs() < 1e-6);
+        assert!((bias[0] - 0.01).abs() < 1e-6);
     }
 }

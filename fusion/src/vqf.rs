@@ -20,8 +20,6 @@
 //! `T` (damping 0.53 instead of 0.71) follow gyroscope errors sooner at the same smoothing. Heading
 //! follows at its own time constant.
 
-use nalgebra::Vector3;
-
 use crate::config::GRAVITY;
 use crate::error::{ConfigError, in_range, positive};
 use crate::estimator::{Filter, View};
@@ -111,7 +109,7 @@ impl<T: Real> Filter for Vqf<T> {
     }
 
     #[inline(always)]
-    fn correction(&mut self, view: &View<T>, _bias: &mut Vector3<T>) -> Vector3<T> {
+    fn correction(&mut self, view: &View<T>, _bias: &mut [T; 3]) -> [T; 3] {
         let rows = &view.rows;
         let per_g = T::from_f32(1.0 / GRAVITY);
         // Half angles about north, east and down.
@@ -150,10 +148,10 @@ impl<T: Real> Filter for Vqf<T> {
             let half = n * about_north + e * about_east + d * about_down;
             half + half
         };
-        Vector3::new(
-            body(rows.north.x, rows.east.x, rows.down.x),
-            body(rows.north.y, rows.east.y, rows.down.y),
-            body(rows.north.z, rows.east.z, rows.down.z),
-        )
+        [
+            body(rows.north[0], rows.east[0], rows.down[0]),
+            body(rows.north[1], rows.east[1], rows.down[1]),
+            body(rows.north[2], rows.east[2], rows.down[2]),
+        ]
     }
 }

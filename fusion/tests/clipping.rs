@@ -39,9 +39,9 @@ fn swing(limit: f64, mag: bool, mut step: impl FnMut(&Sample) -> Attitude) -> (f
         let mixed = (clipped - rate).map(|lost| 0.01 * lost);
         let gyr = clipped + Vector3::new(mixed.y, mixed.z, mixed.x);
         let attitude = step(&Sample {
-            gyr: gyr.cast(),
-            acc: acc.cast(),
-            mag: mag.then(|| late[1].cast()),
+            gyr: gyr.cast().into(),
+            acc: acc.cast().into(),
+            mag: mag.then(|| late[1].cast().into()),
         });
         late = [back * field(), late[0]];
         if t < 4.0 {
@@ -93,9 +93,9 @@ where
     move |sample| {
         let count = |v: Vector3<f32>, unit: f32| [v.x, v.y, v.z].map(|v| (v / unit).round() as i16);
         let counts = fixed::Counts {
-            gyr: count(sample.gyr, scale.gyr_rad_s),
-            acc: count(sample.acc, scale.acc_m_s2),
-            mag: sample.mag.map(|mag| count(mag, scale.mag_ut)),
+            gyr: count(sample.gyr.into(), scale.gyr_rad_s),
+            acc: count(sample.acc.into(), scale.acc_m_s2),
+            mag: sample.mag.map(|mag| count(mag.into(), scale.mag_ut)),
         };
         estimator.update(period_us, &counts);
         estimator.attitude()

@@ -7,7 +7,7 @@ mod inputs;
 use inputs::{Input, SCALE, generated, recorded};
 use tvc_fusion::{
     Attitude, Complementary, Config, Estimator, Filter, Flags, Gyro, Kalman, Madgwick, Mahony,
-    MahonyGains, Number, Quality, Real, Sample, Vector3, Vqf, fixed,
+    MahonyGains, Number, Quality, Real, Sample, Vqf, fixed,
 };
 
 /// FNV-1a, a word at a time.
@@ -74,16 +74,16 @@ impl Hash {
 
 /// Every value that the float filters are given, now and then with one that is no number.
 fn sample(index: usize, input: &Input) -> Sample {
-    let vector = |counts: [i16; 3], unit: f32| Vector3::from(counts.map(|c| f32::from(c) * unit));
+    let vector = |counts: [i16; 3], unit: f32| counts.map(|c| f32::from(c) * unit);
     let mut sample = Sample {
         gyr: vector(input.counts.gyr, SCALE.gyr_rad_s),
         acc: vector(input.counts.acc, SCALE.acc_m_s2),
         mag: input.counts.mag.map(|mag| vector(mag, SCALE.mag_ut)),
     };
     match index {
-        7_000 => sample.gyr.y = f32::NAN,
-        7_100 => sample.acc.z = f32::INFINITY,
-        7_200 => sample.mag = Some(Vector3::new(f32::NAN, 0.0, 0.0)),
+        7_000 => sample.gyr[1] = f32::NAN,
+        7_100 => sample.acc[2] = f32::INFINITY,
+        7_200 => sample.mag = Some([f32::NAN, 0.0, 0.0]),
         _ => {}
     }
     sample

@@ -18,9 +18,15 @@ fn errors_deg((acc_s, mag_s): (f64, f64), mut step: impl FnMut(&Sample) -> Quate
         let before =
             |age_s: f64| (truth * UnitQuaternion::from_scaled_axis(-rate * age_s)).inverse();
         let sample = Sample {
-            gyr: rate.cast(),
-            acc: (before(acc_s) * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast(),
-            mag: (k % 4 == 0).then(|| (before(mag_s) * Vector3::new(17.1, 0.0, 47.0)).cast()),
+            gyr: rate.cast().into(),
+            acc: (before(acc_s) * Vector3::new(0.0, 0.0, -f64::from(GRAVITY)))
+                .cast()
+                .into(),
+            mag: (k % 4 == 0).then(|| {
+                (before(mag_s) * Vector3::new(17.1, 0.0, 47.0))
+                    .cast()
+                    .into()
+            }),
         };
         let q = step(&sample);
         if t > 60.0 {
@@ -53,9 +59,9 @@ fn fixed_error_deg<F: fixed::Filter, S: fixed::Sensors>(
         estimator.update(
             (DT_S * 1e6) as u32,
             &fixed::Counts {
-                gyr: counts(sample.gyr, scale.gyr_rad_s),
-                acc: counts(sample.acc, scale.acc_m_s2),
-                mag: sample.mag.map(|mag| counts(mag, scale.mag_ut)),
+                gyr: counts(sample.gyr.into(), scale.gyr_rad_s),
+                acc: counts(sample.acc.into(), scale.acc_m_s2),
+                mag: sample.mag.map(|mag| counts(mag.into(), scale.mag_ut)),
             },
         );
         estimator.orientation().quaternion()
@@ -169,8 +175,10 @@ fn the_attitude_is_that_of_the_present() {
         truth *= UnitQuaternion::from_scaled_axis(rate_at(k) * dt_s);
         then = [then[1], then[2], truth];
         let sample = Sample {
-            gyr: rate_at(k.saturating_sub(2)).cast(),
-            acc: (then[0].inverse() * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast(),
+            gyr: rate_at(k.saturating_sub(2)).cast().into(),
+            acc: (then[0].inverse() * Vector3::new(0.0, 0.0, -f64::from(GRAVITY)))
+                .cast()
+                .into(),
             mag: None,
         };
         let q = estimator.update(dt_s as f32, &sample).orientation;

@@ -63,16 +63,16 @@ fn errors<F: Filter<Real = f32>>(
         let back = truth.inverse();
         let acc = back * (motion.acceleration(t) + Vector3::new(0.0, 0.0, -f64::from(GRAVITY)));
         let sample = Sample {
-            gyr: (rate + offset).cast(),
-            acc: acc.cast(),
-            mag: (k % 7 == 0).then(|| (back * Vector3::new(17.1, 0.0, 47.0)).cast()),
+            gyr: (rate + offset).cast().into(),
+            acc: acc.cast().into(),
+            mag: (k % 7 == 0).then(|| (back * Vector3::new(17.1, 0.0, 47.0)).cast().into()),
         };
         let q = estimator.update(dt_s as f32, &sample).orientation;
         let pitch = f64::from(q.euler().pitch_rad);
         sum += ((pitch - truth.euler_angles().1) / DEG).powi(2);
         count += 1.0;
     }
-    let bias: Vector3<f64> = estimator.attitude().bias.cast();
+    let bias: Vector3<f64> = Vector3::from(estimator.attitude().bias).cast();
     (
         f64::sqrt(sum / count),
         (bias - offset).norm() / DEG,

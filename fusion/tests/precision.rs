@@ -54,9 +54,9 @@ fn recording(acc_lag_s: f32, mag_lag_s: f32) -> impl Iterator<Item = fixed::Coun
 fn sample(counts: &fixed::Counts) -> Sample {
     let vector = |v: [i16; 3], unit: f32| Vector3::from(v).map(|v| f32::from(v) * unit);
     Sample {
-        gyr: vector(counts.gyr, SCALE.gyr_rad_s),
-        acc: vector(counts.acc, SCALE.acc_m_s2),
-        mag: counts.mag.map(|mag| vector(mag, SCALE.mag_ut)),
+        gyr: vector(counts.gyr, SCALE.gyr_rad_s).into(),
+        acc: vector(counts.acc, SCALE.acc_m_s2).into(),
+        mag: counts.mag.map(|mag| vector(mag, SCALE.mag_ut).into()),
     }
 }
 

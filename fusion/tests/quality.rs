@@ -53,9 +53,11 @@ impl Body {
             let back = self.attitude.inverse();
             let field = Vector3::new(self.dip.cos(), 0.0, self.dip.sin()) * 50.0;
             let sample = Sample {
-                gyr: (rate + self.offset).cast(),
-                acc: (back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast(),
-                mag: magnet.map(|by| (back * field * (1.0 + by * (1.5 + t.sin()))).cast()),
+                gyr: (rate + self.offset).cast().into(),
+                acc: (back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY)))
+                    .cast()
+                    .into(),
+                mag: magnet.map(|by| (back * field * (1.0 + by * (1.5 + t.sin()))).cast().into()),
             };
             self.estimator.update(DT_S as f32, &sample);
             self.fixed.update(10_000, &counts(&sample));
@@ -91,7 +93,7 @@ impl Body {
 
     /// Tilt, rad.
     fn error(&self) -> f64 {
-        let up: Vector3<f64> = self.estimator.attitude().orientation.up().cast();
+        let up: Vector3<f64> = Vector3::from(self.estimator.attitude().orientation.up()).cast();
         up.angle(&(self.attitude.inverse() * Vector3::new(0.0, 0.0, -1.0)))
     }
 }
@@ -101,9 +103,9 @@ fn counts(sample: &Sample) -> fixed::Counts {
     let scale = fixed::Scale::BNO055;
     let count = |v: Vector3<f32>, unit: f32| [v.x, v.y, v.z].map(|v| (v / unit).round() as i16);
     fixed::Counts {
-        gyr: count(sample.gyr, scale.gyr_rad_s),
-        acc: count(sample.acc, scale.acc_m_s2),
-        mag: sample.mag.map(|mag| count(mag, scale.mag_ut)),
+        gyr: count(sample.gyr.into(), scale.gyr_rad_s),
+        acc: count(sample.acc.into(), scale.acc_m_s2),
+        mag: sample.mag.map(|mag| count(mag.into(), scale.mag_ut)),
     }
 }
 
@@ -147,7 +149,7 @@ fn an_offset_that_is_not_known_shows() {
     assert!(rested.bias_rad_s < 1e-3, "{rested:?}");
     assert!(rested.tilt_rad < 0.3 * moving.tilt_rad);
     assert!(rested.heading_rad < moving.heading_rad);
-    let bias: Vector3<f64> = body.estimator.attitude().bias.cast();
+    let bias: Vector3<f64> = Vector3::from(body.estimator.attitude().bias).cast();
     assert!((bias - body.offset).norm() < 3.0 * f64::from(rested.bias_rad_s));
 }
 
@@ -156,7 +158,7 @@ fn an_offset_that_motion_shows_is_better_known() {
     let mut body = Body::new(3.0, 70.0);
     let moving = body.run(60.0, 1.0, Some(0.0));
     assert_eq!(moving.bias, BiasState::Unknown);
-    let bias: Vector3<f64> = body.estimator.attitude().bias.cast();
+    let bias: Vector3<f64> = Vector3::from(body.estimator.attitude().bias).cast();
     let off = (bias - body.offset).norm();
     assert!(
         off < 4.0 * f64::from(moving.bias_rad_s),
@@ -232,8 +234,10 @@ fn a_gap_makes_everything_uncertain_but_the_offset() {
     let mut body = Body::new(1.0, 70.0);
     let before = body.still(30.0);
     let still = Sample {
-        gyr: body.offset.cast(),
-        acc: (body.attitude.inverse() * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast(),
+        gyr: body.offset.cast().into(),
+        acc: (body.attitude.inverse() * Vector3::new(0.0, 0.0, -f64::from(GRAVITY)))
+            .cast()
+            .into(),
         mag: None,
     };
     body.estimator.update(5.0, &still);

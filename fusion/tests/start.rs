@@ -1,7 +1,7 @@
 //! How soon after the start the gyroscope's offset is known.
 
 use tvc_fusion::fixed::{Counts, Estimator, Scale, Vqf};
-use tvc_fusion::{Config, Sample, Vector3};
+use tvc_fusion::{Config, Sample};
 
 /// Seconds of rest until an offset of a degree per second is within a tenth of itself.
 fn fixed_s(period_us: u32) -> f64 {
@@ -24,13 +24,13 @@ fn float_s(period_us: u32) -> f64 {
         .expect("the configuration is valid");
     let rate = 16.0 * Scale::BNO055.gyr_rad_s;
     let rest = Sample {
-        gyr: Vector3::new(rate, 0.0, 0.0),
-        acc: Vector3::new(0.0, 0.0, -9.81),
+        gyr: [rate, 0.0, 0.0],
+        acc: [0.0, 0.0, -9.81],
         mag: None,
     };
     let samples = (1..).find(|_| {
         let attitude = estimator.update(period_us as f32 * 1e-6, &rest);
-        (attitude.bias.x - rate).abs() < 0.1 * rate
+        (attitude.bias[0] - rate).abs() < 0.1 * rate
     });
     f64::from(samples.unwrap_or(0)) * f64::from(period_us) * 1e-6
 }

@@ -10,9 +10,9 @@ fn a_state_comes_back_to_the_bit() {
         estimator.update(
             0.01,
             &Sample {
-                gyr: Vector3::new(0.01, -0.02, 0.03),
-                acc: Vector3::new(0.3, -0.2, -GRAVITY),
-                mag: Some(Vector3::new(17.0, 3.0, 47.0)),
+                gyr: Vector3::new(0.01, -0.02, 0.03).into(),
+                acc: Vector3::new(0.3, -0.2, -GRAVITY).into(),
+                mag: Some(Vector3::new(17.0, 3.0, 47.0).into()),
             },
         );
     }

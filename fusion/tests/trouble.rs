@@ -51,9 +51,9 @@ impl Body {
         let acc = back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY)) + self.noise.vector(0.02);
         let field = back * Vector3::new(17.1, 0.0, 47.0) + self.noise.vector(0.3);
         Sample {
-            gyr: counted(gyr, DEG / 16.0),
-            acc: counted(acc, 0.01),
-            mag: mag.then(|| counted(field, 1.0 / 16.0)),
+            gyr: counted(gyr, DEG / 16.0).into(),
+            acc: counted(acc, 0.01).into(),
+            mag: mag.then(|| counted(field, 1.0 / 16.0).into()),
         }
     }
 
@@ -177,7 +177,7 @@ fn a_slow_turn_at_the_start_is_no_offset() {
                 Vector3::new((2.1 * t).sin(), (1.7 * t).cos(), (1.3 * t).sin()) * 0.5
             };
             let attitude = estimator.update(0.01, &body.step(rate, true));
-            let off = (f64::from(attitude.bias.norm())) / DEG;
+            let off = f64::from(Vector3::from(attitude.bias).norm()) / DEG;
             assert!(
                 off < 0.4,
                 "{off} deg/s taken for offset in {rate_deg_s} deg/s at {t} s"
@@ -242,7 +242,7 @@ where
         let t = f64::from(k) * 0.01;
         let rate = Vector3::new((1.3 * t).sin(), (0.7 * t).cos(), (0.9 * t).sin());
         let mut sample = body.step(rate, true);
-        sample.gyr += offset.cast::<f32>();
+        sample.gyr = (Vector3::from(sample.gyr) + offset.cast::<f32>()).into();
         let attitude = estimator.update(0.01, &sample);
         if t > 60.0 {
             most = most.max(body.error_deg(&attitude.orientation));

@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use tvc_fusion::{
     Complementary, Config, ConfigError, Estimator, Filter, Gyro, Kalman, Madgwick, Mahony,
-    Quaternion, Real, Sample, Vector3, Vqf, fixed,
+    Quaternion, Real, Sample, Vqf, fixed,
 };
 
 use crate::settings::{self, Gains};
@@ -153,7 +153,7 @@ impl<F: Filter> Engine for Estimator<F> {
 
 /// A recorded sample, with this field, for the float filters.
 pub(crate) fn sample(recorded: &RecordedSample, mag_ut: Option<[f64; 3]>) -> Sample {
-    let single = |v: [f64; 3]| Vector3::from(v.map(|c| c as f32));
+    let single = |v: [f64; 3]| v.map(|c| c as f32);
     Sample {
         gyr: single(recorded.gyr_rad_s),
         acc: single(recorded.acc_m_s2),

@@ -19,7 +19,7 @@ fn normalised(path: &Path) -> [f64; 2] {
         |[w, x, y, z]: [f64; 4]| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
     let (mut squares, mut samples) = ([0.0; 2], 0.0);
     while let Some(recorded) = source.next_sample().expect("whole") {
-        let single = |v: [f64; 3]| tvc_fusion::Vector3::from(v.map(|c| c as f32));
+        let single = |v: [f64; 3]| v.map(|c| c as f32);
         let sample = Sample {
             gyr: single(recorded.gyr_rad_s),
             acc: single(recorded.acc_m_s2),

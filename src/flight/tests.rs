@@ -456,10 +456,10 @@ fn the_gyros_offset_is_taken_off_when_the_drone_may_be_armed() {
     }
     let attitude = desk.flight.attitude();
     assert!(
-        (attitude.bias.y.to_degrees() - 1.0).abs() < 0.02,
+        (attitude.bias[1].to_degrees() - 1.0).abs() < 0.02,
         "{attitude:?}"
     );
-    assert!(attitude.rate.y.abs() < 1e-3, "{attitude:?}");
+    assert!(attitude.rate[1].abs() < 1e-3, "{attitude:?}");
 }
 
 impl Flight {

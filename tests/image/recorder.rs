@@ -68,7 +68,7 @@ fn a_release_is_fetched_as_it_was_streamed() {
         for (kept, told) in [q.w, q.x, q.y, q.z].iter().zip(told.quaternion) {
             assert!((kept - told).abs() < 2e-4, "{step:?} {told:?}");
         }
-        assert_eq!([step.rate.x, step.rate.y, step.rate.z], told.rate_rad_s);
+        assert_eq!(step.rate, told.rate_rad_s);
         compared += usize::from(step.cranks_rad[0] != 0.0);
     }
     assert!(

@@ -1,6 +1,6 @@
 //! The project's own filters.
 
-use ::tvc_fusion::{Config, Estimator, Euler, Filter, Quaternion, Sample, Vector3, fixed};
+use ::tvc_fusion::{Config, Estimator, Euler, Filter, Quaternion, Sample, fixed};
 
 use super::subject::{self, PERIOD_US, Subject};
 
@@ -21,15 +21,15 @@ where
     #[inline(always)]
     fn update(&mut self, input: &subject::Float) {
         let sample = Sample {
-            gyr: Vector3::from(input.gyr),
-            acc: Vector3::from(input.acc),
-            mag: MAG.then(|| Vector3::from(input.mag)),
+            gyr: input.gyr,
+            acc: input.acc,
+            mag: MAG.then_some(input.mag),
         };
         self.0.update(input.dt_s, &sample);
     }
 
     fn up(&self) -> [f32; 3] {
-        self.0.attitude().orientation.up().into()
+        self.0.attitude().orientation.up()
     }
 }
 
@@ -71,7 +71,7 @@ where
     }
 
     fn up(&self) -> [f32; 3] {
-        self.0.orientation().quaternion().up().into()
+        self.0.orientation().quaternion().up()
     }
 }
 

@@ -1,7 +1,5 @@
 //! What comes in, and what goes out.
 
-use nalgebra::Vector3;
-
 use crate::config::GRAVITY;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -14,39 +12,27 @@ use crate::vector::scaled;
 pub struct Sample {
     /// Rotation rate, rad/s: mean over the time since the last sample, right-handed about each
     /// axis.
-    #[cfg_attr(feature = "defmt", defmt(Debug2Format))]
-    pub gyr: Vector3<f32>,
+    pub gyr: [f32; 3],
     /// Specific force, m/s^2: at rest 9.81 along the axis that points up, so (0, 0, -9.81) in a
     /// level forward-right-down frame.
-    #[cfg_attr(feature = "defmt", defmt(Debug2Format))]
-    pub acc: Vector3<f32>,
+    pub acc: [f32; 3],
     /// Magnetic field, uT (or any unit that makes the earth's larger than 0.1), when there is a
     /// fresh one; `None` for 6D operation and between the samples of a slower magnetometer.
-    #[cfg_attr(feature = "defmt", defmt(Debug2Format))]
-    pub mag: Option<Vector3<f32>>,
+    pub mag: Option<[f32; 3]>,
 }
 
 /// The estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(
-    feature = "serde",
-    serde(bound(
-        serialize = "T: nalgebra::Scalar + serde::Serialize",
-        deserialize = "T: nalgebra::Scalar + serde::de::DeserializeOwned"
-    ))
-)]
 pub struct Attitude<T = f32> {
     /// Body to earth (north, east, down); without a magnetometer north is where the estimate
     /// started.
     pub orientation: Quaternion<T>,
     /// Rotation rate less the offset, body frame, rad/s.
-    #[cfg_attr(feature = "defmt", defmt(Debug2Format))]
-    pub rate: Vector3<T>,
+    pub rate: [T; 3],
     /// Gyroscope offset, rad/s.
-    #[cfg_attr(feature = "defmt", defmt(Debug2Format))]
-    pub bias: Vector3<T>,
+    pub bias: [T; 3],
     /// Health of the estimate.
     pub flags: Flags,
 }
@@ -75,24 +61,24 @@ pub struct Flags {
 
 impl<T: Real> Attitude<T> {
     /// Gravity in the body frame, m/s^2: 9.81 along the axis that points down.
-    pub fn gravity(&self) -> Vector3<T> {
+    pub fn gravity(&self) -> [T; 3] {
         scaled(&self.orientation.up(), T::from_f32(-GRAVITY))
     }
 
     /// The acceleration of the body in its own frame, m/s^2, that a specific force shows: 0 at rest
     /// and in steady motion.
-    pub fn linear_acceleration(&self, acc: &Vector3<f32>) -> Vector3<T> {
+    pub fn linear_acceleration(&self, acc: &[f32; 3]) -> [T; 3] {
         let gravity = self.gravity();
         let part = |acc: f32, gravity: T| T::from_f32(acc) + gravity;
-        Vector3::new(
-            part(acc.x, gravity.x),
-            part(acc.y, gravity.y),
-            part(acc.z, gravity.z),
-        )
+        [
+            part(acc[0], gravity[0]),
+            part(acc[1], gravity[1]),
+            part(acc[2], gravity[2]),
+        ]
     }
 
     /// The same in the earth frame: north, east, down.
-    pub fn earth_acceleration(&self, acc: &Vector3<f32>) -> Vector3<T> {
+    pub fn earth_acceleration(&self, acc: &[f32; 3]) -> [T; 3] {
         self.orientation.rotate(&self.linear_acceleration(acc))
     }
 }

@@ -1,7 +1,5 @@
 //! What a filter is given, and what it gives back.
 
-use nalgebra::Vector3;
-
 use crate::error::ConfigError;
 use crate::field::HeadingError;
 use crate::quaternion::HalfRows;
@@ -13,11 +11,11 @@ pub struct View<T> {
     /// Time step, s.
     pub dt: T,
     /// Rotation rate less the offset, body frame, rad/s.
-    pub rate: Vector3<T>,
+    pub rate: [T; 3],
     /// The earth's axes in the body frame, at half length.
     pub rows: HalfRows<T>,
     /// Specific force, m/s^2, when it has passed the gate.
-    pub acc: Option<Vector3<T>>,
+    pub acc: Option<[T; 3]>,
     /// Heading error, when there is a fresh and undisturbed field.
     pub heading: Option<HeadingError<T>>,
     /// Time since the last field sample, s.
@@ -84,6 +82,6 @@ pub trait Filter: Sized {
     fn correction(
         &mut self,
         view: &View<Self::Real>,
-        bias: &mut Vector3<Self::Real>,
-    ) -> Vector3<Self::Real>;
+        bias: &mut [Self::Real; 3],
+    ) -> [Self::Real; 3];
 }

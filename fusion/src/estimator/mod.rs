@@ -4,8 +4,6 @@ mod attitude;
 mod filter;
 mod state;
 
-use nalgebra::Vector3;
-
 use crate::config::{Config, GRAVITY};
 use crate::error::{ConfigError, in_range, positive};
 use crate::field::{Field, HeadingError, plausible};
@@ -61,9 +59,9 @@ pub struct Estimator<F: Filter> {
     steps: u8,
     /// Correction found in the last update, applied with the next integration (half rotation
     /// vector).
-    pending: Vector3<F::Real>,
-    rate: Vector3<F::Real>,
-    bias: Vector3<F::Real>,
+    pending: [F::Real; 3],
+    rate: [F::Real; 3],
+    bias: [F::Real; 3],
     flags: Flags,
     phase: Phase,
     /// Time, s, that the corrections have been averaging for. A running mean's gain is `1 / age`;
@@ -328,13 +326,13 @@ impl<F: Filter> Estimator<F> {
     }
 
     /// Set the orientation to what the sensors show now; false if they show no vertical.
-    fn align(&mut self, up: &Vector3<F::Real>, mag: Option<&Vector3<F::Real>>) -> bool {
+    fn align(&mut self, up: &[F::Real; 3], mag: Option<&[F::Real; 3]>) -> bool {
         let Some(magnetic) = Quaternion::from_up_and_north(up, mag) else {
             return false;
         };
         self.orientation = match (mag, self.field.declination_rad()) {
             (Some(_), Some(declination)) => {
-                let about_down = Vector3::new(F::Real::ZERO, F::Real::ZERO, declination);
+                let about_down = [F::Real::ZERO, F::Real::ZERO, declination];
                 Quaternion::from_rotation_vector(&about_down).mul(&magnetic)
             }
             _ => magnetic,
@@ -387,9 +385,9 @@ impl<F: Filter> Estimator<F> {
         let hidden = hidden.unwrap_or([Hidden::Nothing; 3]);
         let (half_angle, heading_variance) =
             self.recovery.step(view.dt, &view.rows, &hidden, &seen);
-        self.pending.x += half_angle.x;
-        self.pending.y += half_angle.y;
-        self.pending.z += half_angle.z;
+        self.pending[0] += half_angle[0];
+        self.pending[1] += half_angle[1];
+        self.pending[2] += half_angle[2];
         if heading_variance > F::Real::ZERO {
             self.unsettle(heading_variance);
         }
@@ -397,7 +395,7 @@ impl<F: Filter> Estimator<F> {
     }
 
     #[inline(always)]
-    fn passes(&self, acc: &Vector3<F::Real>) -> bool {
+    fn passes(&self, acc: &[F::Real; 3]) -> bool {
         let min = F::Real::from_f32(MIN_ACC);
         !within(acc, min)
             && self.acc_gate2.is_none_or(|(low, high)| {
@@ -410,7 +408,7 @@ impl<F: Filter> Estimator<F> {
     fn heading(
         &mut self,
         rows: &HalfRows<F::Real>,
-        mag: &Vector3<f32>,
+        mag: &[f32; 3],
     ) -> Option<HeadingError<F::Real>> {
         let mag = mag.map(F::Real::from_f32);
         let dt = core::mem::replace(&mut self.mag_dt, F::Real::ZERO);
@@ -430,7 +428,7 @@ impl<F: Filter> Estimator<F> {
 
     /// The first field: the heading is taken from it as it is.
     #[cold]
-    fn first_heading(&mut self, mag: &Vector3<F::Real>) {
+    fn first_heading(&mut self, mag: &[F::Real; 3]) {
         let up = self.orientation.up();
         self.interrupt_motion_bias();
         self.align(&up, Some(mag));

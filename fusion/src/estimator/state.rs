@@ -1,7 +1,5 @@
 //! What an estimator knows, read, kept and set from outside.
 
-use nalgebra::Vector3;
-
 use super::{Estimator, Phase, SETTLED_S};
 use crate::error::ConfigError;
 use crate::estimator::Filter;
@@ -30,19 +28,11 @@ pub struct FieldReference<T = f32> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(
-    feature = "serde",
-    serde(bound(
-        serialize = "T: nalgebra::Scalar + serde::Serialize",
-        deserialize = "T: nalgebra::Scalar + serde::de::DeserializeOwned"
-    ))
-)]
 pub struct State<T = f32> {
     /// Body to earth (north, east, down), of the instant of the last rates.
     pub orientation: Option<Quaternion<T>>,
     /// Gyroscope offset, rad/s.
-    #[cfg_attr(feature = "defmt", defmt(Debug2Format))]
-    pub bias: Option<Vector3<T>>,
+    pub bias: Option<[T; 3]>,
     /// The field's reference.
     pub field: Option<FieldReference<T>>,
     /// How late the field is behind the rates, s.
@@ -107,7 +97,7 @@ impl<F: Filter> Estimator<F> {
     }
 
     /// Sets the gyroscope's offset, rad/s, as if a shortest rest had shown it.
-    pub fn set_bias(&mut self, bias: Vector3<F::Real>) {
+    pub fn set_bias(&mut self, bias: [F::Real; 3]) {
         self.bias = bias;
         self.rest.know();
         self.doubt.know_bias();

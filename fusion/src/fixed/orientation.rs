@@ -376,7 +376,7 @@ mod tests {
         fn the_tilt_is_that_of_the_float_quaternion(w in -1f32..1.0, x in -1f32..1.0, y in -1f32..1.0, z in 0.01f32..1.0) {
             let q = Quaternion::normalised(w, x, y, z);
             let found = fixed(&q).cos_tilt_q30() as f32 / 1_073_741_824.0;
-            prop_assert!((found - 2.0 * q.half_down().z).abs() < 1.5e-4);
+            prop_assert!((found - 2.0 * q.half_down()[2]).abs() < 1.5e-4);
             prop_assert!(fixed(&q).is_rotation());
             let apart = fixed(&q).pitch().wrapping_sub(fixed(&q).angles().pitch);
             prop_assert!(Angles::to_rad(apart).abs() < 1e-4, "{apart}");

@@ -21,8 +21,6 @@
 //!
 //! Most steps are not over range and cost a comparison of the rates with what is quiet.
 
-use nalgebra::Vector3;
-
 use super::counts::Scale;
 use super::format::{Q30, Q31};
 use super::lag::{self, Lag};
@@ -127,12 +125,12 @@ impl Clipped {
     }
 
     /// The rates less their offset, rad/s.
-    fn rate(&self, step: &StepEnd<'_>) -> Vector3<Q20> {
+    fn rate(&self, step: &StepEnd<'_>) -> [Q20; 3] {
         vector(lag::rates(&step.counts.gyr, step.bias), self.gyr)
     }
 
     /// A field in the earth frame, north and down in counts.
-    fn earth(&self, [north, down]: [i32; 2]) -> Vector3<Q20> {
+    fn earth(&self, [north, down]: [i32; 2]) -> [Q20; 3] {
         vector([north, 0, down], self.field)
     }
 
@@ -172,8 +170,8 @@ impl Clipped {
 
 /// Counts, each worth so many bits of Q20.
 #[inline(always)]
-fn vector(counts: [i32; 3], worth: i32) -> Vector3<Q20> {
-    Vector3::from(counts.map(|count| Q20(count.saturating_mul(worth))))
+fn vector(counts: [i32; 3], worth: i32) -> [Q20; 3] {
+    counts.map(|count| Q20(count.saturating_mul(worth)))
 }
 
 fn rows(products: &Products) -> HalfRows<Q20> {
@@ -252,7 +250,10 @@ impl Sensors for Clipped {
         let us = step.dt_us.min(30_000) as i32;
         let dt = Q20(us + ((us * 3_183) >> 16));
         memory.field_dt += dt;
-        let mut rate = Vector3::from(step.counts.gyr).map(|count| Q20(i32::from(count) * self.gyr));
+        let mut rate = step
+            .counts
+            .gyr
+            .map(|count| Q20(i32::from(count) * self.gyr));
         let mut hidden = None;
         if dt > Q20::ZERO && !memory.range.is_quiet(&rate) {
             hidden = Some(memory.range.examine(dt, &mut rate));

@@ -54,9 +54,6 @@
 //! over steps of their own ([`Settings::housekeeping`]), and such a step skips the heading
 //! correction. The worst case is so little more than the mean.
 
-use bytemuck::Zeroable;
-use nalgebra::Vector3;
-
 use super::counts::{Counts, PERIOD_US, Scale};
 use super::field::{Compass, size};
 use super::filters::{Filter, Heading, View};
@@ -73,6 +70,8 @@ use crate::config::{Config, GRAVITY};
 use crate::error::{ConfigError, in_range};
 use crate::estimator::{Attitude, Flags};
 use crate::quality::{BiasState, Quality};
+use crate::vector::difference;
+use bytemuck::Zeroable;
 
 /// Longest time step, us: more is a gap.
 const MAX_DT_US: u32 = 30_000;
@@ -250,12 +249,13 @@ impl<F: Filter, S: Sensors> Settings<F, S> {
     /// The whole estimate in float, with these rates of the newest sample, counts: for whoever does
     /// not count cycles.
     pub fn attitude(&self, state: &State, gyr: &[i16; 3]) -> Attitude {
-        let bias =
-            Vector3::from(self.bias_q9(state)).map(|bias| bias as f32 / 512.0 * self.gyr_rad_s);
-        let rate = Vector3::from(*gyr).map(|rate| f32::from(rate) * self.gyr_rad_s) - bias;
+        let bias = self
+            .bias_q9(state)
+            .map(|bias| bias as f32 / 512.0 * self.gyr_rad_s);
+        let rate = gyr.map(|rate| f32::from(rate) * self.gyr_rad_s);
         Attitude {
             orientation: self.orientation(state).quaternion(),
-            rate,
+            rate: difference(&rate, &bias),
             bias,
             flags: self.flags(state),
         }

@@ -1,7 +1,7 @@
 //! A motion with every trouble, and the recording that the repository has.
 
 use tvc_fusion::fixed::{Counts, Scale};
-use tvc_fusion::{GRAVITY, Quaternion, Vector3};
+use tvc_fusion::{GRAVITY, Quaternion};
 
 /// What counts are worth, of both inputs.
 pub(crate) const SCALE: Scale = Scale::BNO055;
@@ -38,10 +38,10 @@ pub(crate) fn generated() -> Vec<Input> {
                 _ => 1.5,
             };
             let rate = wave(t).map(|part| part * speed);
-            truth = truth.mul(&Quaternion::from_rotation_vector(&Vector3::from(
-                rate.map(|part| part * 0.01),
-            )));
-            let back = |v: [f64; 3]| -> [f64; 3] { truth.conj().rotate(&Vector3::from(v)).into() };
+            truth = truth.mul(&Quaternion::from_rotation_vector(
+                &rate.map(|part| part * 0.01),
+            ));
+            let back = |v: [f64; 3]| -> [f64; 3] { truth.conj().rotate(&v) };
             let shake = wave(7.0 * t).map(|part| part * speed);
             let mut acc = back([shake[0], shake[1], shake[2] - f64::from(GRAVITY)]);
             if (6_200..6_260).contains(&k) {

@@ -50,9 +50,9 @@ pub(crate) fn counts(sample: &Sample) -> fixed::Counts {
     let scale = fixed::Scale::BNO055;
     let count = |v: Vector3<f32>, unit: f32| [v.x, v.y, v.z].map(|v| (v / unit).round() as i16);
     fixed::Counts {
-        gyr: count(sample.gyr, scale.gyr_rad_s),
-        acc: count(sample.acc, scale.acc_m_s2),
-        mag: sample.mag.map(|mag| count(mag, scale.mag_ut)),
+        gyr: count(sample.gyr.into(), scale.gyr_rad_s),
+        acc: count(sample.acc.into(), scale.acc_m_s2),
+        mag: sample.mag.map(|mag| count(mag.into(), scale.mag_ut)),
     }
 }
 
@@ -83,9 +83,11 @@ pub(crate) fn field_ned() -> Vector3<f64> {
 pub(crate) fn sample(truth: &UnitQuaternion<f64>, rate: Vector3<f64>, mag: bool) -> Sample {
     let back = truth.inverse();
     Sample {
-        gyr: rate.cast(),
-        acc: (back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast(),
-        mag: mag.then(|| (back * field_ned()).cast()),
+        gyr: rate.cast().into(),
+        acc: (back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY)))
+            .cast()
+            .into(),
+        mag: mag.then(|| (back * field_ned()).cast().into()),
     }
 }
 
@@ -115,6 +117,11 @@ pub(crate) fn rest<S: Subject>(
         .map(|_| subject.step(i64::from(DT_US), &sample))
         .last()
         .expect("some samples")
+}
+
+/// The vector and another.
+pub(crate) fn added(v: [f32; 3], other: &Vector3<f64>) -> [f32; 3] {
+    (Vector3::from(v) + other.cast::<f32>()).into()
 }
 
 /// A lively motion: mean rates over the step, and the attitude at its end.

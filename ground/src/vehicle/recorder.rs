@@ -111,7 +111,7 @@ pub fn flight(bytes: &[u8], parameters: Vec<Parameter>) -> Result<Flight> {
             now_us: time_us,
             sample: step.sample.map(aged),
             quaternion: [q.w, q.x, q.y, q.z],
-            rate_rad_s: [rate.x, rate.y, rate.z],
+            rate_rad_s: [rate[0], rate[1], rate[2]],
             cranks_rad: Axis::ALL.map(|axis| {
                 let axis = axis.index();
                 (step.pulses[axis] != PulseUs::NONE).then_some(step.cranks_rad[axis])

@@ -61,7 +61,7 @@ fn another_flight_goes_on_from_it_with_the_same_bits() {
                         rate,
                         ..
                     } = flight.attitude();
-                    [q.w, q.x, q.y, q.z, rate.x, rate.y, rate.z].map(f32::to_bits)
+                    [q.w, q.x, q.y, q.z, rate[0], rate[1], rate[2]].map(f32::to_bits)
                 };
                 assert_eq!(bits(&desk.flight), bits(&other), "{before}, {step}");
             }

@@ -4,7 +4,7 @@ use crate::fixed::Vqf;
 /// Tilt of a level body that the estimate has, rad.
 fn tilt<F: Filter>(estimator: &Estimator<F>) -> f32 {
     let down = estimator.orientation().quaternion().half_down();
-    2.0 * (down.x * down.x + down.y * down.y).sqrt()
+    2.0 * (down[0] * down[0] + down[1] * down[1]).sqrt()
 }
 
 /// A turn of 1.5 deg/s for a third of a second, wherever it falls, is no first offset: it

@@ -1,7 +1,7 @@
 //! The errors of every estimator in an experiment, next to those that the thesis published.
 
+use nalgebra::Vector3;
 use serde::Serialize;
-use tvc_fusion::Vector3;
 
 use super::candidates::{CANDIDATES, Candidate, Origin};
 use super::parts::Part;

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use rig::Ticks;
 use rig::bno055::{ImuErrors, Reading, Sensors, Stimulus};
-use tvc_fusion::{Euler, GRAVITY, Quaternion, Vector3};
+use tvc_fusion::{Euler, GRAVITY, Quaternion};
 
 use super::parts::{self, Acting, Part};
 use crate::filters::experiment::GyroBias;
@@ -150,7 +150,7 @@ impl Kind {
             pitch_rad,
             yaw_rad: self.heading_deg().to_radians(),
         });
-        let body = |v: [f64; 3]| -> [f64; 3] { attitude.conj().rotate(&Vector3::from(v)).into() };
+        let body = |v: [f64; 3]| attitude.conj().rotate(&v);
         let (sin, cos) = self.heading_deg().to_radians().sin_cos();
         let forward = acting.forward_m_s2;
         let mut specific_force_m_s2 = body([forward * cos, forward * sin, -f64::from(GRAVITY)]);
