@@ -4,7 +4,7 @@
 use core::f32::consts::PI;
 use core::mem;
 
-use tvc_fusion::fixed::{self, AnyFilter, AnyGains, Counts, Ideal, Orientation, Scale, State};
+use tvc_fusion::fixed::{AnyFilter, AnyGains, Counts, Estimator, Ideal, Orientation, Scale, State};
 use tvc_fusion::{
     Attitude, BiasState, ComplementaryGains, Config, ConfigError, MadgwickGains, MahonyGains,
     Quality, VqfGains,
@@ -25,7 +25,7 @@ use crate::sensor::DESCRIPTION;
 #[derive(Clone, Debug)]
 pub struct Navigation {
     settings: Settings,
-    estimator: fixed::Settings<AnyFilter, Ideal>,
+    estimator: Estimator<AnyFilter, Ideal>,
     state: State,
     /// Time of the newest sample used.
     last: Option<Micros>,
@@ -418,14 +418,14 @@ impl Settings {
         }
     }
 
-    fn estimator(&self) -> Result<fixed::Settings<AnyFilter, Ideal>, ConfigError> {
+    fn estimator(&self) -> Result<Estimator<AnyFilter, Ideal>, ConfigError> {
         let build = |gains| {
             let config = Config {
                 declination_rad: self.declination_deg * (PI / 180.0),
                 // The controller knows how old the rates are, and pitch and tilt need no heading.
                 ..Config::with_gains(gains).without_lags()
             };
-            fixed::Settings::new(&config, &SCALE, ESTIMATOR_PERIOD_US)
+            Estimator::new(&config, &SCALE, ESTIMATOR_PERIOD_US)
         };
         match self.filter {
             FilterKind::Vqf => build(AnyGains::Vqf(VqfGains::default())),

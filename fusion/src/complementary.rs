@@ -7,7 +7,7 @@
 //! other sensors, `tau = dt w / (1 - w)`: see [`ComplementaryGains::from_weight`].
 
 use crate::error::{ConfigError, in_range};
-use crate::estimator::{Filter, View};
+use crate::filter::{Filter, View};
 use crate::real::Real;
 use crate::vector::{add_scaled, cross, dot, scaled, zero};
 

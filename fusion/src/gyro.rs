@@ -1,7 +1,7 @@
 //! Integrated rates, the baseline: aligned at start-up, never corrected after.
 
 use crate::error::ConfigError;
-use crate::estimator::{Filter, View};
+use crate::filter::{Filter, View};
 use crate::mahony::{Mahony, MahonyGains};
 use crate::real::Real;
 use crate::vector::zero;
@@ -12,18 +12,12 @@ pub struct Gyro<T = f32> {
     alignment: Mahony<T>,
 }
 
-/// [`Gyro`] has no gains.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct NoGains;
-
 impl<T: Real> Filter for Gyro<T> {
     type Real = T;
-    type Gains = NoGains;
+    type Gains = ();
     const CORRECTS: bool = false;
 
-    fn new(_: &NoGains) -> Result<Self, ConfigError> {
+    fn new((): &()) -> Result<Self, ConfigError> {
         // With gains of zero it corrects by the running mean of the start-up alone.
         let gains = MahonyGains {
             acc_per_s: 0.0,

@@ -19,7 +19,7 @@
 
 use crate::config::GRAVITY;
 use crate::error::{ConfigError, in_range, positive};
-use crate::estimator::{Filter, View};
+use crate::filter::{Filter, View};
 use crate::quaternion::HalfRows;
 use crate::real::Real;
 use crate::vector::{add_scaled, dot, scaled, zero};

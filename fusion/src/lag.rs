@@ -24,7 +24,7 @@
 
 use crate::error::{ConfigError, in_range};
 use crate::quaternion::HalfRows;
-use crate::real::Number;
+use crate::real::Real;
 use crate::vector::{add_scaled, cross, difference, dot, scaled, within};
 
 /// Largest lag that second order describes, s.
@@ -42,7 +42,7 @@ const SHORT_TURN: f32 = 0.02;
 
 /// The vector that was seen as `v` in the body frame `lag_s` ago, now, at the rate `rate` (rad/s).
 #[inline(always)]
-pub(crate) fn now<T: Number>(v: &[T; 3], rate: &[T; 3], lag_s: T) -> [T; 3] {
+pub(crate) fn now<T: Real>(v: &[T; 3], rate: &[T; 3], lag_s: T) -> [T; 3] {
     let turn = scaled(rate, lag_s);
     let first = cross(v, &turn);
     let mut now = [v[0] + first[0], v[1] + first[1], v[2] + first[2]];
@@ -53,7 +53,7 @@ pub(crate) fn now<T: Number>(v: &[T; 3], rate: &[T; 3], lag_s: T) -> [T; 3] {
 }
 
 /// A lag of the configuration, s.
-pub(crate) fn checked<T: Number>(lag_s: f32, name: &'static str) -> Result<T, ConfigError> {
+pub(crate) fn checked<T: Real>(lag_s: f32, name: &'static str) -> Result<T, ConfigError> {
     in_range(lag_s, -LONGEST_S, LONGEST_S, name)?;
     Ok(T::from_f32(lag_s))
 }
@@ -80,7 +80,7 @@ struct Regression<T> {
     square: T,
 }
 
-impl<T: Number> FieldLag<T> {
+impl<T: Real> FieldLag<T> {
     /// `prior`: what the configured lag counts against what is learned, rad^2/s.
     pub(crate) fn new(lag_s: f32, prior: f32) -> Result<Self, ConfigError> {
         let configured = checked::<T>(lag_s, "mag_lag_s")?;

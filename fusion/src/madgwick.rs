@@ -10,7 +10,7 @@
 //! normalise.
 
 use crate::error::{ConfigError, in_range};
-use crate::estimator::{Filter, View};
+use crate::filter::{Filter, View};
 use crate::real::Real;
 use crate::vector::{add_scaled, cross, dot, scaled, zero};
 

@@ -10,7 +10,7 @@
 
 use crate::config::GRAVITY;
 use crate::error::{ConfigError, in_range};
-use crate::estimator::{Filter, View};
+use crate::filter::{Filter, View};
 use crate::real::Real;
 use crate::vector::{add_scaled, cross, scaled, zero};
 

@@ -14,7 +14,8 @@ use alloc::vec::Vec;
 
 use crate::config::Config;
 use crate::error::ConfigError;
-use crate::estimator::{Attitude, Estimator, Filter, Sample};
+use crate::estimator::{Attitude, Estimator, Sample};
+use crate::filter::Filter;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::vector::scaled;

@@ -1,6 +1,6 @@
 //! Unit quaternions and the rotation matrix they stand for.
 
-use crate::real::{Number, Real};
+use crate::real::Real;
 use crate::vector::{cross, dot, scaled, unit};
 /// An orientation: a unit quaternion, Hamilton's convention, body to earth:
 /// `v_earth = q v_body q*`.
@@ -47,7 +47,7 @@ pub struct HalfRows<T> {
     pub down: [T; 3],
 }
 
-impl<T: Number> HalfRows<T> {
+impl<T: Real> HalfRows<T> {
     /// A body vector in the earth frame.
     pub(crate) fn rotate(&self, v: &[T; 3]) -> [T; 3] {
         let twice = |half_row: &[T; 3]| {

@@ -8,8 +8,10 @@ pub(crate) mod sealed {
     impl Sealed for f64 {}
 }
 
-/// What the parts that every arithmetic shares compute with: `f32`, `f64`, and fixed point.
-pub trait Number:
+/// `f32` or `f64`. Every operation is correctly rounded IEEE arithmetic or a `libm` function in
+/// pure integer and float operations, so that the same input gives the same bits with and without
+/// an FPU.
+pub trait Real:
     sealed::Sealed
     + core::fmt::Debug
     + Copy
@@ -41,12 +43,6 @@ pub trait Number:
     fn within(self, limit: Self) -> bool;
     /// Below zero, or the float's zero with a sign.
     fn is_negative(self) -> bool;
-}
-
-/// `f32` or `f64`. Every operation is correctly rounded IEEE arithmetic or a `libm` function in
-/// pure integer and float operations, so that the same input gives the same bits with and without
-/// an FPU.
-pub trait Real: Number {
     /// The nearest `f32`.
     fn to_f32(self) -> f32;
     /// In units of `2^-bits`, towards zero and saturated: for sums that are cheaper in integers.
@@ -59,7 +55,7 @@ pub trait Real: Number {
     fn sin_cos(self) -> (Self, Self);
 }
 
-impl Number for f32 {
+impl Real for f32 {
     const ZERO: Self = 0.0;
     const HALF: Self = 0.5;
     const ONE: Self = 1.0;
@@ -89,9 +85,6 @@ impl Number for f32 {
     fn is_negative(self) -> bool {
         self.is_sign_negative()
     }
-}
-
-impl Real for f32 {
     #[inline(always)]
     fn to_f32(self) -> f32 {
         self
@@ -122,7 +115,7 @@ impl Real for f32 {
     }
 }
 
-impl Number for f64 {
+impl Real for f64 {
     const ZERO: Self = 0.0;
     const HALF: Self = 0.5;
     const ONE: Self = 1.0;
@@ -145,9 +138,6 @@ impl Number for f64 {
     fn is_negative(self) -> bool {
         self.is_sign_negative()
     }
-}
-
-impl Real for f64 {
     fn to_f32(self) -> f32 {
         self as f32
     }
@@ -197,7 +187,7 @@ fn sin_cos(angle: f32) -> (f32, f32) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Number, Real};
+    use super::Real;
 
     #[test]
     fn sine_and_cosine_agree_with_double_precision() {

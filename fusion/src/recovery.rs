@@ -14,7 +14,7 @@
 use crate::config::GRAVITY;
 use crate::quaternion::HalfRows;
 use crate::range::Hidden;
-use crate::real::Number;
+use crate::real::Real;
 use crate::vector::{add_scaled, cross, dot, scaled, zero};
 
 /// The rate beyond the limit, in parts of it and as a density: half of it, correlated for 0.1 s,
@@ -65,7 +65,7 @@ pub(crate) struct Recovery<T> {
     acc_density: T,
 }
 
-impl<T: Number> Recovery<T> {
+impl<T: Real> Recovery<T> {
     /// `acc_density`: of the vertical that the accelerometer shows, rad^2 s.
     pub(crate) fn new(acc_density: T) -> Self {
         Self {
@@ -220,7 +220,7 @@ impl<T: Number> Recovery<T> {
 }
 
 /// The body's axes in the earth frame.
-fn columns<T: Number>(rows: &HalfRows<T>) -> [[T; 3]; 3] {
+fn columns<T: Real>(rows: &HalfRows<T>) -> [[T; 3]; 3] {
     let twice = |n: T, e: T, d: T| [n + n, e + e, d + d];
     let HalfRows { north, east, down } = rows;
     [

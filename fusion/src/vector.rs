@@ -1,28 +1,28 @@
 //! Vectors of three numbers.
 
-use crate::real::{Number, Real};
+use crate::real::Real;
 
 /// The vector without a length.
 #[inline(always)]
-pub(crate) fn zero<T: Number>() -> [T; 3] {
+pub(crate) fn zero<T: Real>() -> [T; 3] {
     [T::ZERO, T::ZERO, T::ZERO]
 }
 
 /// Every component of `v` is within `limit` of 0, and a number.
 #[inline(always)]
-pub(crate) fn within<T: Number>(v: &[T; 3], limit: T) -> bool {
+pub(crate) fn within<T: Real>(v: &[T; 3], limit: T) -> bool {
     v[0].within(limit) && v[1].within(limit) && v[2].within(limit)
 }
 
 /// `v k`
 #[inline(always)]
-pub(crate) fn scaled<T: Number>(v: &[T; 3], k: T) -> [T; 3] {
+pub(crate) fn scaled<T: Real>(v: &[T; 3], k: T) -> [T; 3] {
     [v[0] * k, v[1] * k, v[2] * k]
 }
 
 /// `sum += v k`
 #[inline(always)]
-pub(crate) fn add_scaled<T: Number>(sum: &mut [T; 3], v: &[T; 3], k: T) {
+pub(crate) fn add_scaled<T: Real>(sum: &mut [T; 3], v: &[T; 3], k: T) {
     sum[0] += v[0] * k;
     sum[1] += v[1] * k;
     sum[2] += v[2] * k;
@@ -30,19 +30,19 @@ pub(crate) fn add_scaled<T: Number>(sum: &mut [T; 3], v: &[T; 3], k: T) {
 
 /// `a - b`
 #[inline(always)]
-pub(crate) fn difference<T: Number>(a: &[T; 3], b: &[T; 3]) -> [T; 3] {
+pub(crate) fn difference<T: Real>(a: &[T; 3], b: &[T; 3]) -> [T; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// Scalar product, summed from x to z.
 #[inline(always)]
-pub(crate) fn dot<T: Number>(a: &[T; 3], b: &[T; 3]) -> T {
+pub(crate) fn dot<T: Real>(a: &[T; 3], b: &[T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Vector product.
 #[inline(always)]
-pub(crate) fn cross<T: Number>(a: &[T; 3], b: &[T; 3]) -> [T; 3] {
+pub(crate) fn cross<T: Real>(a: &[T; 3], b: &[T; 3]) -> [T; 3] {
     [
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],

@@ -22,7 +22,7 @@
 
 use crate::config::GRAVITY;
 use crate::error::{ConfigError, in_range, positive};
-use crate::estimator::{Filter, View};
+use crate::filter::{Filter, View};
 use crate::real::Real;
 use crate::vector::dot;
 

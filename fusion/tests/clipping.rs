@@ -1,9 +1,7 @@
 //! Rotation beyond the gyroscope's range, whose limit nobody tells the filter.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use tvc_fusion::{
-    Attitude, Config, Estimator, Filter, GRAVITY, Madgwick, Mahony, Sample, Vqf, fixed,
-};
+use tvc_fusion::{Attitude, Config, Estimator, Filter, GRAVITY, Madgwick, Mahony, Sample, Vqf};
 
 const DT_S: f64 = 0.005;
 
@@ -76,32 +74,6 @@ where
     move |sample| estimator.update(DT_S as f32, sample)
 }
 
-/// In counts of 2000 deg/s, 16 g and 0.1 uT at 16 bits.
-fn in_fixed<F: fixed::Filter>() -> impl FnMut(&Sample) -> Attitude
-where
-    F::Gains: Default,
-{
-    let scale = fixed::Scale {
-        gyr_rad_s: 0.001_065,
-        acc_m_s2: 0.0048,
-        mag_ut: 0.1,
-    };
-    let period_us = (DT_S * 1e6) as u32;
-    let mut estimator =
-        fixed::Estimator::<F, fixed::Clipped>::new(&Config::default(), &scale, period_us)
-            .expect("valid");
-    move |sample| {
-        let count = |v: Vector3<f32>, unit: f32| [v.x, v.y, v.z].map(|v| (v / unit).round() as i16);
-        let counts = fixed::Counts {
-            gyr: count(sample.gyr.into(), scale.gyr_rad_s),
-            acc: count(sample.acc.into(), scale.acc_m_s2),
-            mag: sample.mag.map(|mag| count(mag.into(), scale.mag_ut)),
-        };
-        estimator.update(period_us, &counts);
-        estimator.attitude()
-    }
-}
-
 fn stays_close<S: FnMut(&Sample) -> Attitude>(subject: impl Fn() -> S) {
     // Not clipped, a fifth of the time clipped, and a third of it; without what is done against it
     // the errors are 10 and 24 deg and more.
@@ -132,14 +104,4 @@ fn mahony_finds_the_attitude_again() {
 #[test]
 fn madgwick_finds_the_attitude_again() {
     stays_close(float::<Madgwick>);
-}
-
-#[test]
-fn vqf_in_fixed_point_finds_the_attitude_again() {
-    stays_close(in_fixed::<fixed::Vqf>);
-}
-
-#[test]
-fn mahony_in_fixed_point_finds_the_attitude_again() {
-    stays_close(in_fixed::<fixed::Mahony>);
 }

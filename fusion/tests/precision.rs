@@ -1,9 +1,8 @@
 //! How far the fixed-point and the f32 filters are from themselves in f64, on the same counts.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use tvc_fusion::{
-    Config, Estimator, Filter, GRAVITY, Mahony, Quaternion, Real, Sample, Vqf, fixed,
-};
+use tvc_fusion::filter::Real;
+use tvc_fusion::{Config, Estimator, Filter, GRAVITY, Mahony, Quaternion, Sample, Vqf, fixed};
 
 const SCALE: fixed::Scale = fixed::Scale::BNO055;
 const MINUTES: u32 = 10;
@@ -99,10 +98,11 @@ where
         ("no lags", Config::default().without_lags(), 0.02),
         ("lags", known, 0.025),
     ] {
-        let mut estimator = fixed::Estimator::<G>::new(&config, &SCALE, 1000).expect("valid");
+        let estimator = fixed::Estimator::<G>::new(&config, &SCALE, 1000).expect("valid");
+        let mut state = estimator.start();
         let (rms, most) = compare::<F>(&config, |counts| {
-            estimator.update(1000, counts);
-            oracle(&estimator.orientation().quaternion())
+            estimator.update(&mut state, 1000, counts);
+            oracle(&estimator.orientation(&state).quaternion())
         });
         println!("{name}: {rms} {most}");
         assert!(rms < limit, "{name}: {rms} deg RMS, {most} at most");

@@ -14,22 +14,21 @@ struct Body {
     estimator: Estimator<Vqf>,
     /// The same in fixed point, which is to say the same.
     fixed: fixed::Estimator<fixed::Vqf>,
+    state: fixed::State,
     time_s: f64,
 }
 
 impl Body {
     fn new(offset_deg_s: f64, dip_deg: f64) -> Self {
+        let config = Config::default().without_lags();
+        let fixed = fixed::Estimator::new(&config, &fixed::Scale::BNO055, 10_000).expect("valid");
         Self {
             attitude: UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3),
             offset: Vector3::new(1.0, -1.0, 1.0) * (offset_deg_s * DEG),
             dip: dip_deg * DEG,
-            estimator: Estimator::new(&Config::default().without_lags()).expect("valid"),
-            fixed: fixed::Estimator::new(
-                &Config::default().without_lags(),
-                &fixed::Scale::BNO055,
-                10_000,
-            )
-            .expect("valid"),
+            estimator: Estimator::new(&config).expect("valid"),
+            state: fixed.start(),
+            fixed,
             time_s: 0.0,
         }
     }
@@ -60,14 +59,14 @@ impl Body {
                 mag: magnet.map(|by| (back * field * (1.0 + by * (1.5 + t.sin()))).cast().into()),
             };
             self.estimator.update(DT_S as f32, &sample);
-            self.fixed.update(10_000, &counts(&sample));
+            self.fixed.update(&mut self.state, 10_000, &counts(&sample));
         }
         self.estimator.quality()
     }
 
     /// What fixed point says is what float says.
     fn compare(&self) {
-        let (float, fixed) = (self.estimator.quality(), self.fixed.quality());
+        let (float, fixed) = (self.estimator.quality(), self.fixed.quality(&self.state));
         let both = format!("{float:?}, in fixed point {fixed:?}");
         for (float, fixed) in [
             (float.tilt_rad, fixed.tilt_rad),

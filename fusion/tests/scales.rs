@@ -5,8 +5,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence::WithSource;
 use tvc_fusion::fixed::{
-    Clipped, Complementary, Counts, Estimator, Filter, Late, Madgwick, Mahony, PERIOD_US, Scale,
-    Sensors, Vqf,
+    Complementary, Counts, Estimator, Filter, Madgwick, Mahony, PERIOD_US, Scale, Vqf,
 };
 use tvc_fusion::{Config, ConfigError, GRAVITY};
 
@@ -70,7 +69,8 @@ fn scales() -> impl Iterator<Item = (String, Scale)> {
 fn error_deg<F: Filter<Gains: Default>>(scale: &Scale, rate_hz: u32) -> f64 {
     let period_us = 1_000_000 / rate_hz;
     let config = Config::default();
-    let mut estimator = Estimator::<F>::new(&config, scale, period_us).expect("in range");
+    let estimator = Estimator::<F>::new(&config, scale, period_us).expect("in range");
+    let mut state = estimator.start();
     let counts = |v: Vector3<f64>, unit: f32| {
         let [x, y, z] = [v.x, v.y, v.z];
         [x, y, z].map(|c| (c / f64::from(unit)).round() as i16)
@@ -93,9 +93,10 @@ fn error_deg<F: Filter<Gains: Default>>(scale: &Scale, rate_hz: u32) -> f64 {
         let acc = back * (shake + Vector3::new(0.0, 0.0, -f64::from(G)));
         let field = back * Vector3::new(17.0, 0.0, 47.0);
         if k == (6.0 / dt_s) as u32 {
-            estimator.level();
+            estimator.level(&mut state);
         }
         estimator.update(
+            &mut state,
             period_us,
             &Counts {
                 gyr: counts(rate + offset, scale.gyr_rad_s),
@@ -104,7 +105,7 @@ fn error_deg<F: Filter<Gains: Default>>(scale: &Scale, rate_hz: u32) -> f64 {
             },
         );
     }
-    let [w, x, y, z] = estimator.orientation().wxyz_q30.map(f64::from);
+    let [w, x, y, z] = estimator.orientation(&state).wxyz_q30.map(f64::from);
     let estimate = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
     estimate.angle_to(&truth).to_degrees()
 }
@@ -173,10 +174,8 @@ fn any_scale() -> impl Strategy<Value = Scale> {
         })
 }
 
-fn take<F: Filter, S: Sensors>(
-    estimator: &mut Estimator<F, S>,
-    steps: &[([i16; 9], bool, u16, u32)],
-) {
+fn take<F: Filter>(estimator: &Estimator<F>, steps: &[([i16; 9], bool, u16, u32)]) {
+    let mut state = estimator.start();
     for ([gx, gy, gz, ax, ay, az, mx, my, mz], has_field, times, dt_us) in steps {
         let counts = Counts {
             gyr: [*gx, *gy, *gz],
@@ -184,10 +183,10 @@ fn take<F: Filter, S: Sensors>(
             mag: has_field.then_some([*mx, *my, *mz]),
         };
         for _ in 0..*times {
-            estimator.update(*dt_us, &counts);
+            estimator.update(&mut state, *dt_us, &counts);
         }
         let norm: f64 = estimator
-            .orientation()
+            .orientation(&state)
             .wxyz_q30
             .map(|part| (f64::from(part) / f64::from(1 << 30)).powi(2))
             .iter()
@@ -211,11 +210,8 @@ fn survives<F: Filter<Gains: Default>>(
         ..Config::default()
     };
     // A scale for which the gains have no room is refused.
-    if let Ok(mut plain) = Estimator::<F, Late>::new(&config, scale, period_us) {
-        take(&mut plain, steps);
-    }
-    if let Ok(mut recovered) = Estimator::<F, Clipped>::new(&config, scale, period_us) {
-        take(&mut recovered, steps);
+    if let Ok(estimator) = Estimator::<F>::new(&config, scale, period_us) {
+        take(&estimator, steps);
     }
 }
 

@@ -5,16 +5,17 @@ use tvc_fusion::{Config, Sample};
 
 /// Seconds of rest until an offset of a degree per second is within a tenth of itself.
 fn fixed_s(period_us: u32) -> f64 {
-    let mut estimator = Estimator::<Vqf>::new(&Config::default(), &Scale::BNO055, period_us)
+    let estimator = Estimator::<Vqf>::new(&Config::default(), &Scale::BNO055, period_us)
         .expect("the configuration is valid");
+    let mut state = estimator.start();
     let rest = Counts {
         gyr: [16, 0, 0],
         acc: [0, 0, -981],
         mag: None,
     };
     let samples = (1..).find(|_| {
-        estimator.update(period_us, &rest);
-        (estimator.bias_q9()[0] - (16 << 9)).abs() < 819
+        estimator.update(&mut state, period_us, &rest);
+        (estimator.bias_q9(&state)[0] - (16 << 9)).abs() < 819
     });
     f64::from(samples.unwrap_or(0)) * f64::from(period_us) * 1e-6
 }

@@ -6,7 +6,9 @@ mod subject;
 use nalgebra::{UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence::WithSource;
-use subject::{DEG, DT_US, Subject, added, counts, error_deg, motion, norm, oracle, rest, sample};
+use subject::{
+    DEG, DT_US, Fixed, Subject, added, counts, error_deg, motion, norm, oracle, rest, sample,
+};
 use tvc_fusion::{
     Attitude, Complementary, Config, Estimator, Filter, GRAVITY, Gyro, Kalman, Madgwick, Mahony,
     Quaternion, Sample, Vqf, fixed,
@@ -380,22 +382,18 @@ macro_rules! suite {
 suite! {
     complementary_f32: Estimator<Complementary<f32>>,
     complementary_f64: Estimator<Complementary<f64>>,
-    complementary_fixed: fixed::Estimator<fixed::Complementary, fixed::Ideal>,
+    complementary_fixed: Fixed<fixed::Complementary>,
     mahony_f32: Estimator<Mahony<f32>>,
     mahony_f64: Estimator<Mahony<f64>>,
-    mahony_fixed: fixed::Estimator<fixed::Mahony, fixed::Ideal>,
+    mahony_fixed: Fixed<fixed::Mahony>,
     madgwick_f32: Estimator<Madgwick<f32>>,
     madgwick_f64: Estimator<Madgwick<f64>>,
-    madgwick_fixed: fixed::Estimator<fixed::Madgwick, fixed::Ideal>,
+    madgwick_fixed: Fixed<fixed::Madgwick>,
     vqf_f32: Estimator<Vqf<f32>>,
     vqf_f64: Estimator<Vqf<f64>>,
     kalman_f32: Estimator<Kalman<f32>>,
     kalman_f64: Estimator<Kalman<f64>>,
-    vqf_fixed: fixed::Estimator<fixed::Vqf, fixed::Ideal>,
-    complementary_fixed_clipped: fixed::Estimator<fixed::Complementary, fixed::Clipped>,
-    madgwick_fixed_clipped: fixed::Estimator<fixed::Madgwick, fixed::Clipped>,
-    mahony_fixed_clipped: fixed::Estimator<fixed::Mahony, fixed::Clipped>,
-    vqf_fixed_clipped: fixed::Estimator<fixed::Vqf, fixed::Clipped>,
+    vqf_fixed: Fixed<fixed::Vqf>,
 }
 
 /// Integrated rates only start and propagate.
@@ -478,8 +476,7 @@ fn declination_makes_north_geographic() {
         ..Config::default()
     };
     let mut float = Estimator::<Mahony>::new(&config).expect("valid");
-    let mut fixed = fixed::Estimator::<fixed::Mahony>::new(&config, &fixed::Scale::BNO055, DT_US)
-        .expect("valid");
+    let mut fixed = Fixed::<fixed::Mahony>::new(&config, &fixed::Scale::BNO055);
     let error = error_deg(
         &rest(&mut float, &truth, Vector3::zeros(), true, 20.0).orientation,
         &expected,
@@ -530,8 +527,7 @@ fn a_field_in_parts_of_the_earths_is_a_compass() {
         ..fixed::Scale::BNO055
     };
     let mut float = Estimator::<Vqf>::start();
-    let mut fixed =
-        fixed::Estimator::<fixed::Vqf>::new(&Config::default(), &scale, DT_US).expect("valid");
+    let mut fixed = Fixed::<fixed::Vqf>::new(&Config::default(), &scale);
     let counts = fixed::Counts {
         mag: plain
             .mag
@@ -540,10 +536,10 @@ fn a_field_in_parts_of_the_earths_is_a_compass() {
     };
     for _ in 0..300 {
         float.update(0.01, &plain);
-        fixed.update(DT_US, &counts);
+        fixed.take(DT_US, &counts);
     }
     let error = error_deg(&float.attitude().orientation, &truth);
     assert!(error < 0.05, "{error}");
-    let error = error_deg(&fixed.attitude().orientation, &truth);
+    let error = error_deg(&fixed.take(DT_US, &counts).orientation, &truth);
     assert!(error < 0.4, "{error}");
 }

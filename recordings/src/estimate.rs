@@ -2,9 +2,10 @@
 
 use std::ops::RangeInclusive;
 
+use tvc_fusion::filter::Real;
 use tvc_fusion::{
     Complementary, Config, ConfigError, Estimator, Filter, Gyro, Kalman, Madgwick, Mahony,
-    Quaternion, Real, Sample, Vqf, fixed,
+    Quaternion, Sample, Vqf, fixed,
 };
 
 use crate::settings::{self, Gains};
@@ -116,12 +117,14 @@ where
         return Err(refused(ConfigError::OutOfRange("period_us")));
     }
     let step_us = (period_us / parts).round() as u32;
-    if parts > 1.0 {
-        // Without recovery from clipping: a rate that is repeated looks like one that is clipped.
-        return Counted::<F, fixed::Late>::boxed(&config, scale, step_us, parts as u32)
-            .map_err(refused);
-    }
-    Counted::<F, fixed::Clipped>::boxed(&config, scale, step_us, 1).map_err(refused)
+    let estimator = fixed::Estimator::<F>::new(&config, &scale, step_us).map_err(refused)?;
+    Ok(Box::new(Counted {
+        state: estimator.start(),
+        estimator,
+        scale,
+        parts: parts as u32,
+        owed_us: 0.0,
+    }))
 }
 
 pub(crate) fn config<G: Gains>(choice: &Choice, facts: &Facts) -> Result<Config<G>, ChoiceError> {
@@ -168,8 +171,9 @@ pub(crate) fn double<T: Real>(value: T) -> f64 {
 }
 
 /// An estimator in fixed point: SI values are turned back into the counts that they came from.
-struct Counted<F, S: fixed::Sensors> {
-    estimator: fixed::Estimator<F, S>,
+struct Counted<F> {
+    estimator: fixed::Estimator<F>,
+    state: fixed::State,
     scale: fixed::Scale,
     /// Number of equal steps that a sampling period is divided into.
     parts: u32,
@@ -177,23 +181,7 @@ struct Counted<F, S: fixed::Sensors> {
     owed_us: f64,
 }
 
-impl<F: fixed::Filter + 'static, S: fixed::Sensors + 'static> Counted<F, S> {
-    fn boxed(
-        config: &Config<F::Gains>,
-        scale: fixed::Scale,
-        step_us: u32,
-        parts: u32,
-    ) -> Result<Box<dyn Engine>, ConfigError> {
-        Ok(Box::new(Self {
-            estimator: fixed::Estimator::new(config, &scale, step_us)?,
-            scale,
-            parts,
-            owed_us: 0.0,
-        }))
-    }
-}
-
-impl<F: fixed::Filter, S: fixed::Sensors> Engine for Counted<F, S> {
+impl<F: fixed::Filter> Engine for Counted<F> {
     fn update(&mut self, dt_s: f64, sample: &RecordedSample, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
         // NaN becomes zero, as does time that goes backwards.
         let counts = |v: [f64; 3], unit: f32| v.map(|c| (c / f64::from(unit)).round() as i16);
@@ -205,9 +193,11 @@ impl<F: fixed::Filter, S: fixed::Sensors> Engine for Counted<F, S> {
             self.owed_us += dt_s.max(0.0) * 1e6 / f64::from(self.parts);
             let whole_us = self.owed_us.round();
             self.owed_us -= whole_us;
+            let counts = fixed::Counts { gyr, acc, mag };
             self.estimator
-                .update(whole_us as u32, &fixed::Counts { gyr, acc, mag });
+                .update(&mut self.state, whole_us as u32, &counts);
         }
-        self.estimator.orientation().wxyz_q30.map(f64::from)
+        let orientation = self.estimator.orientation(&self.state);
+        orientation.wxyz_q30.map(f64::from)
     }
 }

@@ -1,7 +1,8 @@
 //! Runs a filter over a whole recording, in both directions of time.
 
+use tvc_fusion::filter::Real;
 use tvc_fusion::offline::{self, TimedSample};
-use tvc_fusion::{Complementary, Filter, Gyro, Kalman, Madgwick, Mahony, Quaternion, Real, Vqf};
+use tvc_fusion::{Complementary, Filter, Gyro, Kalman, Madgwick, Mahony, Quaternion, Vqf};
 
 use crate::estimate::{config, double, refused, sample};
 use crate::settings::Gains;

@@ -1,8 +1,6 @@
 //! Settings by name: from `KEY=VALUE` to the configuration of a filter.
 
-use tvc_fusion::{
-    ComplementaryGains, Config, KalmanGains, MadgwickGains, MahonyGains, NoGains, VqfGains,
-};
+use tvc_fusion::{ComplementaryGains, Config, KalmanGains, MadgwickGains, MahonyGains, VqfGains};
 
 use crate::{ChoiceError, FilterName, Setting};
 
@@ -20,7 +18,7 @@ pub(crate) trait Gains: Copy + Default + 'static {
     const PRESETS: &'static [Preset<Self>];
 }
 
-impl Gains for NoGains {
+impl Gains for () {
     const KEYS: &'static [Key<Self>] = &[];
     const PRESETS: &'static [Preset<Self>] =
         &[("default", Self::default), ("thesis", Self::default)];
@@ -190,7 +188,7 @@ mod tests {
                 assert_eq!(*field(&mut config, key).unwrap(), value as f32, "{key}");
             }
         }
-        check::<NoGains>();
+        check::<()>();
         check::<ComplementaryGains>();
         check::<MahonyGains>();
         check::<MadgwickGains>();

@@ -34,7 +34,10 @@ where
 }
 
 /// A filter in fixed point, with or without a magnetometer.
-pub struct Fixed<F: fixed::Filter, const MAG: bool>(fixed::Estimator<F, fixed::Ideal>);
+pub struct Fixed<F: fixed::Filter, const MAG: bool> {
+    estimator: fixed::Estimator<F, fixed::Ideal>,
+    state: fixed::State,
+}
 
 /// A sample in counts of a BNO055.
 #[repr(C)]
@@ -56,8 +59,10 @@ where
     fn new() -> Self {
         // Sensors of one instant: what is added to make good for lags is in the crate's README.
         let config = Config::default().without_lags();
-        let estimator = fixed::Estimator::new(&config, &fixed::Scale::BNO055, PERIOD_US);
-        Self(estimator.expect("the defaults are valid"))
+        let estimator = fixed::Estimator::new(&config, &fixed::Scale::BNO055, PERIOD_US)
+            .expect("the defaults are valid");
+        let state = estimator.start();
+        Self { estimator, state }
     }
 
     #[inline(always)]
@@ -67,11 +72,11 @@ where
             acc: input.acc,
             mag: MAG.then_some(input.mag),
         };
-        self.0.update(input.dt_us, &counts);
+        self.estimator.update(&mut self.state, input.dt_us, &counts);
     }
 
     fn up(&self) -> [f32; 3] {
-        self.0.orientation().quaternion().up()
+        self.estimator.orientation(&self.state).quaternion().up()
     }
 }
 

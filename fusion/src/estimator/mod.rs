@@ -1,24 +1,23 @@
 //! What every filter shares: from samples to attitude.
 
 mod attitude;
-mod filter;
 mod state;
 
 use crate::config::{Config, GRAVITY};
 use crate::error::{ConfigError, in_range, positive};
 use crate::field::{Field, HeadingError, plausible};
+use crate::filter::{Filter, View};
 use crate::lag;
 use crate::motion_bias::MotionBias;
 use crate::quality::{BiasState, Doubt, Evidence, Quality};
 use crate::quaternion::{HalfRows, Quaternion};
-use crate::range::{Hidden, Range, Rules};
-use crate::real::Number;
+use crate::range::{Hidden, Range};
+use crate::real::Real;
 use crate::recovery::{Recovery, Seen};
 use crate::rest::Rest;
 use crate::vector::{add_scaled, difference, dot, scaled, within, zero};
 
 pub use attitude::{Attitude, Flags, Sample};
-pub use filter::{Filter, View};
 pub use state::{FieldReference, State};
 
 /// An acceleration whose components are all below this, m/s^2, shows no vertical: free fall, or an
@@ -116,7 +115,7 @@ impl<F: Filter> Estimator<F> {
             field: Field::new(config)?,
             rest: Rest::new(&config.rest)?,
             motion_bias: MotionBias::new(&config.rest).filter(|_| F::CORRECTS && !F::FINDS_BIAS),
-            range: Range::new(config.gyro_range_rad_s, Rules::Strict),
+            range: Range::new(config.gyro_range_rad_s),
             recovery: Recovery::new(real(config.recovery_rad2_s)),
             doubt: Doubt::new(),
             orientation: Quaternion::IDENTITY,

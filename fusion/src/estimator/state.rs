@@ -2,9 +2,9 @@
 
 use super::{Estimator, Phase, SETTLED_S};
 use crate::error::ConfigError;
-use crate::estimator::Filter;
+use crate::filter::Filter;
 use crate::quaternion::{Euler, Quaternion};
-use crate::real::Number;
+use crate::real::Real;
 use crate::recovery::Recovery;
 #[cfg(feature = "offline")]
 use crate::vector::scaled;

@@ -91,13 +91,13 @@ mod tests {
             Config::<F::Gains>::default(),
             Config::with_gains(any(F::Gains::default())),
         );
-        let mut one = Estimator::<F>::new(&config, &Scale::BNO055, 6_667).expect("in range");
-        let mut other =
-            Estimator::<AnyFilter>::new(&chosen, &Scale::BNO055, 6_667).expect("in range");
+        let one = Estimator::<F>::new(&config, &Scale::BNO055, 6_667).expect("in range");
+        let other = Estimator::<AnyFilter>::new(&chosen, &Scale::BNO055, 6_667).expect("in range");
+        let (mut first, mut second) = (one.start(), other.start());
         for counts in samples() {
-            one.update(6_667, &counts);
-            other.update(6_667, &counts);
-            assert_eq!(one.orientation().wxyz_q30, other.orientation().wxyz_q30);
+            one.update(&mut first, 6_667, &counts);
+            other.update(&mut second, 6_667, &counts);
+            assert_eq!(first, second);
         }
     }
 

@@ -1,133 +1,516 @@
-//! Settings and state in one.
+//! One step: from counts to orientation.
+//!
+//! # The equations
+//! With the measured rates `g`, their offset `b`, the time step `dt`, the correction `c` that the
+//! step before has found, the specific force `a` and the field `m`:
+//!
+//! ```text
+//! h = (g - b) dt / 2 + c                  half the rotation vector of the step, body frame
+//! q = q (1 - s/2 + s^2/24, h (1 - s/6))   s = |h|^2: the orientation, body to earth
+//! n, e, d = rows of R(q)                  north, east and down in the body frame
+//! c = tilt(n, e, d, a) + gain sin(heading error of m) d / 2
+//! b = mean of g over blocks at rest
+//! ```
+//!
+//! | file | what it derives |
+//! |---|---|
+//! | this one | time step, heading correction, which step does what |
+//! | `rotation` | integration, rows, the room that a rotation has |
+//! | `filters` | the tilt correction |
+//! | `field` | the heading error and its weight |
+//! | `rest` | the offset, and the blocks that all slow work is counted in |
+//! | `start_up` | the gains, from those of a running mean to the filter's own |
+//! | `sensors` | which sensors are late |
+//! | `lag` | what a sensor shows now whose samples are older than the rates |
+//! | `quality` | how far the estimate may be off |
+//!
+//! # The number formats
+//! `format` has the rules. Gyroscope, accelerometer and magnetometer stay in counts of 16 bits:
+//!
+//! | number | format | bound, and what sets it |
+//! |---|---|---|
+//! | half angle per count and us | Q(31 + `turn_shift` + 16) | below `2^31 / max_short_dt_us`: times a time step it fits |
+//! | half angle per count | Q(31 + `turn_shift`) | below `2^15`: times a rate of 16 bits it fits |
+//! | half angles, corrections | Q31 rad | each its own part of the 0.84 rad that a rotation has room for |
+//! | quaternion | Q30 | 1; Q15 where it is a factor |
+//! | rows n, e, d | Q15 | 1 |
+//! | row times counts | Q15 counts | `2^15 * 2^15 sqrt(3) < 2^31` |
+//! | sine of the heading error | Q15 | 1, and 2 beyond a right angle |
+//! | heading correction | Q(16 + `heading_shift`) rad | `MAX_HEADING_TURN`: times a row it fits |
+//!
+//! **Time.** `turn_shift` is chosen so that a count turns by `2^14` to `2^15` units in the longest
+//! short step, of 1.25 periods: all the bits that the product with a rate leaves. What the product
+//! with the time step has below a unit is carried into the next step, so that no time is lost. A
+//! longer step divides its time by `2^coarse_shift` and gives up as many bits of `turn_shift`.
+//!
+//! **Heading.** An error of `x` in Q15 is a half angle of `x` in Q16, which spares a shift. The
+//! gain's factor is below `2^13`, the sine at most `2^16`: below `2^29`, then cut by 15. One
+//! correction stands for all samples since the last field, at most for as many as make the whole
+//! error, `4 << heading_shift`.
+//!
+//! # Which step does what
+//! Judging the field, closing the blocks of the rest detection and changing the gains are spread
+//! over steps of their own ([`Estimator::housekeeping`]), and such a step skips the heading
+//! correction. The worst case is so little more than the mean.
 
-use super::counts::{Counts, Scale};
-use super::filters::Filter;
-use super::orientation::Orientation;
+use super::counts::{Counts, PERIOD_US, Scale};
+use super::field::{Compass, size};
+use super::filters::{Filter, Heading, View};
+use super::format::{Q15, normalised};
+use super::lag;
+use super::orientation::{Angles, Orientation};
+use super::quality::{Job, Uncertainty, UncertaintyState};
+use super::rest::{self, Rest};
+use super::rotation::{BIAS_BITS, PerCount, Rotation};
 use super::sensors::{Late, Sensors};
-use super::settings::Settings;
-use super::state::State;
-use crate::config::Config;
-use crate::error::ConfigError;
+use super::start_up::Schedule;
+use super::state::{LastField, State};
+use crate::config::{Config, GRAVITY};
+use crate::error::{ConfigError, in_range};
 use crate::estimator::{Attitude, Flags};
 use crate::quality::{BiasState, Quality};
+use crate::vector::difference;
+use bytemuck::Zeroable;
 
-/// An attitude estimator in fixed point: [`Settings`], and the [`State`] that they change. `S` is
-/// what the sensors are like.
-#[derive(Clone, Debug)]
+/// Longest time step, us: more is a gap.
+const MAX_DT_US: u32 = 30_000;
+
+/// Largest half angle of a long step, rad, the sum of three axes.
+const MAX_HALF_ANGLE: f32 = 0.38;
+
+/// Fractional bits of the half angle per count and us below those of the half angle per count.
+const DT_BITS: u32 = 16;
+
+/// Most bits that are given up in a step longer than 1.25 periods: eight times that are ten
+/// periods.
+const MAX_COARSE_SHIFT: u8 = 3;
+
+/// An attitude estimator in fixed point: all that follows from a configuration. It never changes;
+/// what it remembers is a [`State`], which each step changes.
+///
+/// `S` says what the sensors are like: [`Late`] or [`Ideal`](super::Ideal).
+#[derive(Clone, Debug, PartialEq)]
 #[repr(C)]
-pub struct Estimator<F, S: Sensors = Late> {
-    state: State,
-    settings: Settings<F, S>,
-    memory: S::Memory,
-    /// Rates of the newest sample, counts.
-    gyr: [i16; 3],
+pub struct Estimator<F, S = Late> {
+    /// Half angle per count and us, Q(31 + `turn_shift` + `DT_BITS`) rad.
+    per_count_us: u32,
+    /// Longest step that is taken at full resolution, us: 1.25 periods.
+    max_short_dt_us: u32,
+    /// Right shift that brings the product of a half angle per count and a rate to Q31.
+    turn_shift: u32,
+    rest: Rest,
+    filter: F,
+    sensors: S,
+    compass: Compass,
+    schedule: Schedule,
+    uncertainty: Uncertainty,
+    /// Longest step that is integrated, us; a longer one is a gap, and integrated as this.
+    max_dt_us: u32,
+    /// Largest product of a long step, us, and the sum of the rates' sizes, counts:
+    /// [`MAX_HALF_ANGLE`].
+    max_rotation: u32,
+    /// Bits of the time step and of `turn_shift` that are given up in a long step.
+    coarse_shift: u32,
+    /// Cosine and sine of half the declination, unless it is zero.
+    half_declination: Option<(Q15, Q15)>,
+    /// What a count of the gyroscope is worth, rad/s.
+    gyr_rad_s: f32,
 }
 
 impl<F: Filter, S: Sensors> Estimator<F, S> {
-    /// An estimator that waits for its first sample; see [`Settings::new`].
+    /// For samples of about every `period_us` microseconds, in [`PERIOD_US`]. The gains of the
+    /// correction are per sample, the rates are integrated over the time steps as they are.
     ///
     /// # Errors
-    /// As [`Settings::new`].
+    /// A parameter, a gain, the period or the scale of a sensor out of range, by name. The
+    /// accelerometer's gate and Mahony's integral gain do not exist in fixed point and are refused
+    /// too.
+    // Inlined with all that it calls, a configuration that is constant leaves constants: 2 KB of
+    // soft float less.
     #[inline(always)]
     pub fn new(
         config: &Config<F::Gains>,
         scale: &Scale,
         period_us: u32,
     ) -> Result<Self, ConfigError> {
-        let settings = Settings::<F, S>::new(config, scale, period_us)?;
+        if !PERIOD_US.contains(&period_us) {
+            return Err(ConfigError::OutOfRange("period_us"));
+        }
+        if config.acc_gate.is_finite() {
+            return Err(ConfigError::OutOfRange("acc_gate"));
+        }
+        let period_s = period_us as f32 * 1e-6;
+        scale.check(period_s)?;
+        let log2_block = rest::log2_block(period_s);
+        let block_s = period_s * f32::from(1u16 << log2_block);
+        let (acc_per_s, mag_per_s) = F::rates(&config.gains, period_s);
+        let per_g = GRAVITY / scale.acc_m_s2;
+        let schedule = Schedule::new(
+            (acc_per_s * period_s, mag_per_s * period_s),
+            (per_g, F::counts(&config.gains, per_g)),
+            log2_block,
+            config.start_up_s / block_s,
+        )?;
+        let max_short_dt_us = period_us + period_us / 4;
+        // Q31 of the half angle.
+        let per_count_us = scale.gyr_rad_s * 0.5e-6 * 2_147_483_648.0;
+        let rest = Rest::new(&config.rest, scale, period_s)?;
+        let turn = per_count_us * max_short_dt_us as f32;
+        let most = (1u32 << (31 - BIAS_BITS)) as f32 / (rest.max_bias + 1) as f32;
+        in_range(turn, 0.0, most, "rest.max_bias_rad_s")?;
+        let (_, turn_shift) = normalised(turn, most.min(32_768.0));
+        let per_count_us = per_count_us * f32::from(1u16 << turn_shift) * (1u32 << DT_BITS) as f32;
+        let coarse_shift = MAX_COARSE_SHIFT.min(turn_shift);
         Ok(Self {
-            state: settings.start(),
-            memory: settings.sensors.start(),
-            settings,
-            gyr: [0; 3],
+            per_count_us: per_count_us as u32,
+            max_short_dt_us,
+            turn_shift: turn_shift.into(),
+            rest,
+            filter: F::new(&config.gains, period_s, per_g)?,
+            sensors: S::new(config, scale)?,
+            compass: Compass::new(&config.field, scale, period_s)?,
+            schedule,
+            uncertainty: Uncertainty::new(scale, block_s),
+            max_dt_us: MAX_DT_US.min(max_short_dt_us << coarse_shift),
+            max_rotation: (MAX_HALF_ANGLE * 2e6 / scale.gyr_rad_s) as u32,
+            coarse_shift: coarse_shift.into(),
+            half_declination: half_declination(config.declination_rad)?,
+            gyr_rad_s: scale.gyr_rad_s,
         })
     }
 
-    /// See [`Settings::update`].
-    #[inline]
-    pub fn update(&mut self, dt_us: u32, counts: &Counts) {
-        self.gyr = counts.gyr;
-        self.settings
-            .step(&mut self.state, &mut self.memory, dt_us, counts);
+    /// The state before the first sample.
+    pub fn start(&self) -> State {
+        let (schedule, gains) = self.schedule.start();
+        State {
+            rotation: Rotation::new(),
+            dt_remainder: 0,
+            gains,
+            rest: self.rest.start(),
+            heading_tick: 0,
+            due: Zeroable::zeroed(),
+            compass: self.compass.start(),
+            filter: Zeroable::zeroed(),
+            schedule,
+            uncertainty: UncertaintyState::start(),
+            gap: 0,
+            last_field: Zeroable::zeroed(),
+            rates: [0; 3],
+        }
     }
 
-    /// See [`Settings::coast`].
-    pub fn coast(&mut self, dt_us: u32, gyr: &[i16; 3]) {
-        self.gyr = *gyr;
-        self.settings.coast(&mut self.state, dt_us, gyr);
+    /// Whether a state from elsewhere is one that updates with these settings can have left, as far
+    /// as their arithmetic depends on it. One that is not is no state to go on from: numbers would
+    /// overflow.
+    pub fn accepts(&self, state: &State) -> bool {
+        let State {
+            dt_remainder,
+            gap,
+            last_field,
+            rates,
+            ..
+        } = state;
+        state.rotation.is_sound(self.rest.max_bias)
+            && *dt_remainder < 1 << DT_BITS
+            && self.schedule.is_sound(&state.schedule, &state.gains)
+            && self.rest.is_sound(&state.rest)
+            && state.due.is_sound()
+            && self.compass.is_sound(&state.compass)
+            && state.filter.is_sound()
+            && state.uncertainty.is_sound()
+            && gap | last_field.is_known <= 1
+            && last_field
+                .mag
+                .iter()
+                .all(|part| i16::try_from(*part).is_ok())
+            && rates
+                .iter()
+                .all(|rate| (-MOST_RATE..=MOST_RATE).contains(rate))
     }
 
-    /// See [`Settings::level`].
-    pub fn level(&mut self) {
-        self.settings.level(&mut self.state);
+    /// The orientation, with geographic north if a declination was configured.
+    pub fn orientation(&self, state: &State) -> Orientation {
+        let magnetic = Orientation {
+            wxyz_q30: self.sensors.ahead(state.rotation.q30(), &state.rates),
+        };
+        match self.half_declination {
+            Some(half) => magnetic.turned(half),
+            None => magnetic,
+        }
     }
 
-    /// See [`Settings::orientation`].
-    pub fn orientation(&self) -> Orientation {
-        self.settings.orientation(&self.state)
+    /// Gyroscope offset, counts in Q9.
+    pub fn bias_q9(&self, state: &State) -> [i32; 3] {
+        state.rotation.bias
     }
 
-    /// See [`Settings::bias_q9`].
-    pub fn bias_q9(&self) -> [i32; 3] {
-        self.settings.bias_q9(&self.state)
-    }
-
-    /// The whole estimate in float.
-    pub fn attitude(&self) -> Attitude {
+    /// The whole estimate in float, with these rates of the newest sample, counts: for whoever does
+    /// not count cycles.
+    pub fn attitude(&self, state: &State, gyr: &[i16; 3]) -> Attitude {
+        let bias = self
+            .bias_q9(state)
+            .map(|bias| bias as f32 / 512.0 * self.gyr_rad_s);
+        let rate = gyr.map(|rate| f32::from(rate) * self.gyr_rad_s);
         Attitude {
-            flags: self.flags(),
-            ..self.settings.attitude(&self.state, &self.gyr)
+            orientation: self.orientation(state).quaternion(),
+            rate: difference(&rate, &bias),
+            bias,
+            flags: self.flags(state),
         }
     }
 
-    /// See [`Settings::flags`]; with whether a rate is clipped, or was within the last seconds.
-    pub fn flags(&self) -> Flags {
+    /// Health of the estimate. A gap is a step of more than 1.25 periods in the last quarter of a
+    /// second; the accelerometer is never rejected.
+    pub fn flags(&self, state: &State) -> Flags {
         Flags {
-            over_range: S::is_over_range(&self.memory),
-            ..self.settings.flags(&self.state)
+            initialised: self.schedule.is_started(&state.schedule),
+            at_rest: state.rest.is_at_rest(),
+            mag_disturbed: state.compass.is_disturbed(),
+            gap: state.gap != 0,
+            ..Flags::default()
         }
     }
 
-    /// See [`Settings::quality`].
+    /// How far the estimate may be off, brought up to date once a block of about a quarter of a
+    /// second. Of a body in free flight ([`Estimator::coast`]) it says no more than that the tilt is
+    /// uncertain.
+    // Inlined, so that what nobody asks for is left out.
     #[inline(always)]
-    pub fn quality(&self) -> Quality {
-        self.settings.quality(&self.state)
+    pub fn quality(&self, state: &State) -> Quality {
+        let (field, bias) = (state.compass.reference(), self.bias_state(state));
+        self.uncertainty.quality(&state.uncertainty, field, bias)
     }
 
     /// What is known of the gyroscope's offset.
-    pub fn bias_state(&self) -> BiasState {
-        self.settings.bias_state(&self.state)
+    pub fn bias_state(&self, state: &State) -> BiasState {
+        self.rest.bias_state(&state.rest)
     }
 
-    /// See [`Settings::tilt_is_within`].
-    pub fn tilt_is_within(&self, variance_q28: i32) -> bool {
-        self.settings.tilt_is_within(&self.state, variance_q28)
+    /// Whether the tilt's standard deviation, as [`Self::quality`] has it, is within the root of
+    /// this variance, Q28 rad^2: without a float.
+    pub fn tilt_is_within(&self, state: &State, variance_q28: i32) -> bool {
+        state.uncertainty.tilt_is_within(variance_q28)
     }
 
-    /// What is remembered, to go on from later.
-    pub fn state(&self) -> State {
-        self.state
+    /// Find tilt and heading anew, from the next block of samples on and as after a gap; the offset
+    /// that has been learned stays. For whoever knows that the estimate was turned by a rate that
+    /// was none.
+    pub fn level(&self, state: &mut State) {
+        self.schedule.restart(&mut state.schedule);
+        self.expect_large_gains(state);
     }
 
-    /// Goes on from a state that an estimator with the same configuration has told. What
-    /// [`Clipped`](super::Clipped) sensors remember is found anew.
-    ///
-    /// # Errors
-    /// The state is damaged or another configuration's; nothing changes.
-    pub fn restore(&mut self, state: &State) -> Result<(), ConfigError> {
-        if !self.settings.accepts(state) {
-            return Err(ConfigError::OutOfRange("state"));
+    /// Find the attitude anew from the next block of samples on, as after [`Estimator::start`]. What
+    /// was learned of the sensors stays: offset and field.
+    pub fn reset(&self, state: &mut State) {
+        let before = *state;
+        *state = State {
+            rest: before.rest,
+            compass: before.compass,
+            heading_tick: before.heading_tick,
+            ..self.start()
+        };
+        state.rotation.bias = before.rotation.bias;
+        state.rest.interrupt();
+        state.uncertainty.keep_bias(&before.uncertainty);
+    }
+
+    /// Take one sample, `dt_us` microseconds after the one before; with 0, nothing turns. More than
+    /// 30,000, or than 2.5 to 10 periods (as period and scale leave room), is a gap: only that much
+    /// is integrated, and the gains are those of a running mean again.
+    #[inline]
+    pub fn update(&self, state: &mut State, dt_us: u32, counts: &Counts) {
+        let gyr = counts.gyr;
+        let mut acc = counts.acc.map(i32::from);
+        let mut mag = counts.mag.map(|mag| mag.map(i32::from));
+        let long = dt_us > self.max_short_dt_us;
+        let limit = state.gains.acc_limit;
+        if limit != 0 {
+            // A mask of all bits or none, as the core has no conditional move.
+            let size = acc[0].abs() + acc[1].abs() + acc[2].abs();
+            let within = (size - limit) >> 31;
+            acc = acc.map(|acc| acc & within);
+            // The heading may be off by any angle: the last field stands for those that a slow
+            // magnetometer leaves out.
+            match mag {
+                Some(mag) => state.last_field = LastField { is_known: 1, mag },
+                None if state.last_field.is_known != 0 => mag = Some(state.last_field.mag),
+                None => {}
+            }
         }
-        self.state = *state;
-        self.memory = self.settings.sensors.start();
-        Ok(())
+        let job = if long {
+            rest::NO_JOB
+        } else {
+            self.rest.add(&mut state.rest, &gyr, &counts.acc)
+        };
+        let (mut step_us, mut shift) = (dt_us, self.turn_shift);
+        if long {
+            (step_us, shift) = self.long_step(state, dt_us, &gyr);
+        }
+        self.turn(state, &gyr, step_us, shift);
+        S::keep_rates(&mut state.rates, &gyr, &state.rotation.bias);
+        let (acc, mag) = self.sensors.now(&state.rates, acc, mag);
+
+        // Heading correction is skipped in steps that are long or run housekeeping, to bound the
+        // worst-case cycles.
+        let busy = long
+            || job <= rest::START_UP
+            || state.compass.is_due()
+            || state.due.is_now(mag.is_some());
+        if busy {
+            self.housekeeping(state, job, &gyr, acc[2]);
+        }
+        let products = state.rotation.products();
+        let down = products.down();
+        let shift = state.gains.heading.shift & 31;
+        let heading = mag.as_ref().filter(|_| !busy).map(|mag| {
+            let tick = state.rest.tick();
+            let samples = tick.wrapping_sub(state.heading_tick).min(4 << shift) as i32;
+            state.heading_tick = tick;
+            let compass = &mut state.compass;
+            let sine = self.compass.heading(compass, &products, &down, mag, tick);
+            Heading { sine, samples }
+        });
+        let view = View {
+            products: &products,
+            down: &down,
+            acc: &acc,
+            heading,
+            gains: &state.gains,
+        };
+        let correction = self.filter.correction(&mut state.filter, &view);
+        let (tilt, turn) = (correction.tilt, correction.heading);
+        let pending = &mut state.rotation.pending;
+        pending[0] += tilt[0] + ((turn * down[0]) >> shift);
+        pending[1] += tilt[1] + ((turn * down[1]) >> shift);
+        pending[2] += tilt[2] + ((turn * down[2]) >> shift);
     }
 
-    /// See [`Settings::reset`].
-    pub fn reset(&mut self) {
-        self.settings.reset(&mut self.state);
-        self.memory = self.settings.sensors.start();
+    /// Take one sample of a body in free flight, `dt_us` after the one before: the rates alone turn
+    /// the estimate. Its accelerometer feels thrust and air, which show no vertical, so that
+    /// neither tilt, heading nor offset is corrected. Of more than 30,000 us, or than 2.5 to 10
+    /// periods, only that much is integrated.
+    #[inline(never)]
+    pub fn coast(&self, state: &mut State, dt_us: u32, gyr: &[i16; 3]) {
+        let (mut step_us, mut shift) = (dt_us, self.turn_shift);
+        if dt_us > self.max_short_dt_us {
+            state.gap = 1;
+            (step_us, shift) = self.coarse(dt_us.min(self.max_dt_us), gyr);
+        }
+        self.turn(state, gyr, step_us, shift);
+        S::keep_rates(&mut state.rates, gyr, &state.rotation.bias);
+        // They keep the norm.
+        let _ = state.rotation.products();
+        state.rest.interrupt();
+        state.uncertainty.lose_tilt();
     }
+
+    /// Integrate the rates over a step, whose time and shift are those of [`Self::coarse`] where it
+    /// is long.
+    #[inline(always)]
+    fn turn(&self, state: &mut State, gyr: &[i16; 3], step_us: u32, shift: u32) {
+        let product = step_us * self.per_count_us + state.dt_remainder;
+        state.dt_remainder = product & ((1 << DT_BITS) - 1);
+        let half_angle = (product >> DT_BITS) as i32;
+        state.rotation.turn(gyr, PerCount { half_angle, shift });
+    }
+
+    /// Runs the job of the rest detection or of the gains that is due, else that of the compass,
+    /// else that of the uncertainties. Not in a long step.
+    #[inline(never)]
+    fn housekeeping(&self, state: &mut State, job: u32, gyr: &[i16; 3], acc_z: i32) {
+        if job < rest::START_UP {
+            self.rest
+                .close(&mut state.rest, job, &mut state.rotation.bias);
+        } else if job == rest::START_UP {
+            if state.schedule.is_first_block() && acc_z > 0 {
+                state.rotation.turn_over();
+            }
+            state.gap = 0;
+            self.schedule
+                .next_block(&mut state.schedule, &mut state.gains);
+            state.due.begin();
+        } else if job != rest::NO_JOB {
+            if state.compass.is_due() {
+                self.compass.judge(&mut state.compass, gyr);
+            } else {
+                self.update_uncertainty(state, gyr);
+            }
+        }
+    }
+
+    /// Runs the next job of the uncertainties.
+    #[inline(never)]
+    fn update_uncertainty(&self, state: &mut State, gyr: &[i16; 3]) {
+        let (uncertainty, schedule) = (&mut state.uncertainty, &state.schedule);
+        match state.due.next_job() {
+            Job::Close => {
+                let good_field = self.rest.is_recent(&state.rest, state.heading_tick)
+                    && state.compass.reference().is_some()
+                    && !state.compass.is_disturbed();
+                self.uncertainty
+                    .close(uncertainty, state.rest.is_at_rest(), good_field);
+            }
+            Job::Turn => self
+                .uncertainty
+                .turn(uncertainty, &lag::rates(gyr, &state.rotation.bias)),
+            Job::Tilt => self
+                .uncertainty
+                .pass_tilt(uncertainty, self.schedule.tilt_raised(schedule)),
+            Job::Heading => self
+                .uncertainty
+                .pass_heading(uncertainty, self.schedule.heading_raised(schedule)),
+            Job::None => {}
+        }
+    }
+
+    /// Large gains could overflow: limit accelerations from now on. A rest that is under way has
+    /// not been one.
+    #[inline(always)]
+    fn expect_large_gains(&self, state: &mut State) {
+        self.schedule.limit_acc(&mut state.gains);
+        state.rest.interrupt();
+    }
+
+    /// A step of more than 1.25 periods: the time that is integrated and the shift, as
+    /// [`Self::coarse`] gives them. One that is too long begins the gains anew.
+    #[cold]
+    #[inline(never)]
+    fn long_step(&self, state: &mut State, dt_us: u32, gyr: &[i16; 3]) -> (u32, u32) {
+        state.gap = 1;
+        let mut dt_us = dt_us;
+        if dt_us > self.max_dt_us {
+            dt_us = self.max_dt_us;
+            self.schedule.restart(&mut state.schedule);
+            state.uncertainty.widen();
+            self.expect_large_gains(state);
+        }
+        self.coarse(dt_us, gyr)
+    }
+
+    /// A time (us) of more than 1.25 periods, divided by `2^coarse_shift`, and the shift that goes
+    /// with it. Where the body turns so fast that the whole time would be too large a rotation, it
+    /// is 1.25 periods.
+    fn coarse(&self, mut dt_us: u32, gyr: &[i16; 3]) -> (u32, u32) {
+        if dt_us * size(gyr) > self.max_rotation {
+            dt_us = self.max_short_dt_us;
+        }
+        (
+            dt_us >> (self.coarse_shift & 31),
+            self.turn_shift - self.coarse_shift,
+        )
+    }
+}
+
+/// Largest rate less its offset that is no damage, counts.
+const MOST_RATE: i32 = 1 << 16;
+
+/// Cosine and sine of half the declination; `None` when it is zero.
+fn half_declination(declination_rad: f32) -> Result<Option<(Q15, Q15)>, ConfigError> {
+    use core::f32::consts::PI;
+    in_range(declination_rad, -PI, PI, "declination_rad")?;
+    let (sin, cos) = Angles::sin_cos_q30(Angles::from_rad(0.5 * declination_rad));
+    Ok((declination_rad != 0.0).then_some((cos >> 15, sin >> 15)))
 }
 
 #[cfg(test)]

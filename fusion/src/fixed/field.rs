@@ -132,12 +132,6 @@ impl CompassState {
         self.margin < 0
     }
 
-    /// The field that was judged last is like the reference, to its full weight.
-    #[inline(always)]
-    pub(super) fn is_like_reference(&self) -> bool {
-        self.weight == FULL && self.margin >= 0
-    }
-
     /// A judgement is under way.
     pub(super) fn is_due(&self) -> bool {
         self.due != 0

@@ -20,7 +20,6 @@
 //!   its products with rows in Q15 below `2^31`.
 
 use super::format::{Q9, Q15, Q30, normalised};
-use super::number::Q20;
 use super::rotation::BIAS_BITS;
 
 /// Largest turn within a lag, about an axis: an eighth of a radian.
@@ -54,11 +53,12 @@ impl Lag {
         }
     }
 
-    /// Of this as the unit, a lag.
+    /// Of this as the unit, a lag, s.
     #[inline(always)]
-    pub(super) fn times(self, lag_s: Q20) -> Self {
+    pub(super) fn times(self, lag_s: f32) -> Self {
         Self {
-            factor: (lag_s.0 * self.factor + (1 << (UNIT_BITS - 1))) >> UNIT_BITS,
+            factor: ((lag_s * 1_048_576.0) as i32 * self.factor + (1 << (UNIT_BITS - 1)))
+                >> UNIT_BITS,
             ..self
         }
     }

@@ -309,7 +309,7 @@ impl Uncertainty {
         state.field_age < self.fresh
     }
 
-    /// See [`Settings::quality`](super::Settings::quality); with the field's reference, north and
+    /// See [`Estimator::quality`](super::Estimator::quality); with the field's reference, north and
     /// down.
     pub(super) fn quality(
         &self,

@@ -121,7 +121,7 @@ pub(super) struct ScheduleState {
     /// Blocks from that drop to the one after it.
     drop_interval: u32,
     /// Base-2 logarithm of the gain increase of the slower channel.
-    pub(super) gain_log2: i32,
+    gain_log2: i32,
     /// By how much `gain_log2` drops next.
     next_drop: i32,
 }
@@ -201,16 +201,6 @@ impl Schedule {
         state.next_drop = self.first_drop;
         state.drop_interval = self.first_blocks;
         state.drop_after(self.first_blocks);
-    }
-
-    /// The attitude has become uncertain: from the next block on a gain `2^gain_log2` times the
-    /// filter's own for so many blocks, half of it for twice as many, and so on.
-    #[cold]
-    pub(super) fn raise(&self, state: &mut ScheduleState, gain_log2: i32, blocks: u32) {
-        state.gain_log2 = gain_log2.min(self.first_gain_log2);
-        state.next_drop = 1;
-        state.drop_interval = 2 * blocks;
-        state.drop_after(blocks);
     }
 
     /// Base-2 logarithm of the gain increase of the tilt.

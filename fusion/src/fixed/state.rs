@@ -13,8 +13,8 @@ use super::start_up::{Gains, ScheduleState};
 /// configuration: plain words of 32 bits, the same for every filter. Whoever holds it can copy,
 /// compare, store and restore it, and seal it by a checksum of [`State::words`].
 ///
-/// [`Settings::start`](super::Settings::start) makes one. Words from elsewhere may be any;
-/// [`Settings::accepts`](super::Settings::accepts) tells whether an update can take them.
+/// [`Estimator::start`](super::Estimator::start) makes one. Words from elsewhere may be any;
+/// [`Estimator::accepts`](super::Estimator::accepts) tells whether an update can take them.
 ///
 /// First what every step touches: it lies within reach of the core's short offsets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
@@ -61,12 +61,12 @@ impl State {
         bytemuck::must_cast_ref(self)
     }
 
-    /// The words, to be changed; see [`Settings::accepts`](super::Settings::accepts).
+    /// The words, to be changed; see [`Estimator::accepts`](super::Estimator::accepts).
     pub fn words_mut(&mut self) -> &mut [u32; Self::WORDS] {
         bytemuck::must_cast_mut(self)
     }
 
-    /// The state with these words; see [`Settings::accepts`](super::Settings::accepts).
+    /// The state with these words; see [`Estimator::accepts`](super::Estimator::accepts).
     pub fn from_words(words: &[u32; Self::WORDS]) -> Self {
         bytemuck::must_cast(*words)
     }

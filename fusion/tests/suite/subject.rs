@@ -1,7 +1,8 @@
 //! What the suite is run over, and what it is fed with.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use tvc_fusion::{Attitude, Config, Estimator, Filter, GRAVITY, Quaternion, Real, Sample, fixed};
+use tvc_fusion::filter::Real;
+use tvc_fusion::{Attitude, Config, Estimator, Filter, GRAVITY, Quaternion, Sample, fixed};
 
 pub(crate) const DEG: f64 = core::f64::consts::PI / 180.0;
 pub(crate) const DT_US: u32 = 10_000;
@@ -56,7 +57,27 @@ pub(crate) fn counts(sample: &Sample) -> fixed::Counts {
     }
 }
 
-impl<F: fixed::Filter + Clone, S: fixed::Sensors + Clone> Subject for fixed::Estimator<F, S>
+/// A filter in fixed point.
+#[derive(Clone)]
+pub(crate) struct Fixed<F> {
+    estimator: fixed::Estimator<F>,
+    state: fixed::State,
+}
+
+impl<F: fixed::Filter> Fixed<F> {
+    pub(crate) fn new(config: &Config<F::Gains>, scale: &fixed::Scale) -> Self {
+        let estimator = fixed::Estimator::new(config, scale, DT_US).expect("valid");
+        let state = estimator.start();
+        Self { estimator, state }
+    }
+
+    pub(crate) fn take(&mut self, dt_us: u32, counts: &fixed::Counts) -> Attitude {
+        self.estimator.update(&mut self.state, dt_us, counts);
+        self.estimator.attitude(&self.state, &counts.gyr)
+    }
+}
+
+impl<F: fixed::Filter + Clone> Subject for Fixed<F>
 where
     F::Gains: Default,
 {
@@ -64,14 +85,11 @@ where
     const RESOLUTION_DEG: f64 = 0.4;
 
     fn start() -> Self {
-        let config = Config::default().without_lags();
-        fixed::Estimator::new(&config, &fixed::Scale::BNO055, DT_US)
-            .expect("the defaults are valid")
+        Self::new(&Config::default().without_lags(), &fixed::Scale::BNO055)
     }
 
     fn step(&mut self, dt_us: i64, sample: &Sample) -> Attitude {
-        self.update(dt_us as u32, &counts(sample));
-        self.attitude()
+        self.take(dt_us as u32, &counts(sample))
     }
 }
 

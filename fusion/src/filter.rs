@@ -1,9 +1,45 @@
-//! What a filter is given, and what it gives back.
+//! For whoever writes a filter: what it is given, and what it gives back.
+//!
+//! A type that implements [`Filter`](crate::Filter) runs in an [`Estimator`](crate::Estimator), as
+//! the filters of this crate do. One that corrects the tilt alone, as Mahony's:
+//!
+//! ```
+//! use tvc_fusion::filter::{Real, View};
+//! use tvc_fusion::{Config, ConfigError, Estimator, Filter, Sample};
+//!
+//! struct Tilt<T>(T);
+//!
+//! impl<T: Real> Filter for Tilt<T> {
+//!     type Real = T;
+//!     type Gains = f32; // 1/s
+//!
+//!     fn new(per_s: &f32) -> Result<Self, ConfigError> {
+//!         Ok(Self(T::from_f32(per_s / tvc_fusion::GRAVITY)))
+//!     }
+//!
+//!     fn correction(&mut self, view: &View<T>, _bias: &mut [T; 3]) -> [T; 3] {
+//!         let ([x, y, z], Some([a, b, c])) = (view.rows.down, view.acc) else {
+//!             return [T::ZERO; 3];
+//!         };
+//!         let gain = view.gain(self.0, T::from_f32(1.0 / tvc_fusion::GRAVITY)) * view.dt;
+//!         [y * c - z * b, z * a - x * c, x * b - y * a].map(|half| half * gain)
+//!     }
+//! }
+//!
+//! let mut estimator = Estimator::<Tilt<f32>>::new(&Config::with_gains(0.2))?;
+//! let tilted = Sample { gyr: [0.0; 3], acc: [0.0, -1.7, -9.66], mag: None };
+//! for _ in 0..300 {
+//!     estimator.update(0.01, &tilted);
+//! }
+//! let roll_rad = estimator.attitude().orientation.euler().roll_rad;
+//! assert!((roll_rad - 0.174).abs() < 2e-3);
+//! # Ok::<(), ConfigError>(())
+//! ```
 
 use crate::error::ConfigError;
-use crate::field::HeadingError;
-use crate::quaternion::HalfRows;
-use crate::real::Real;
+pub use crate::field::HeadingError;
+pub use crate::quaternion::HalfRows;
+pub use crate::real::Real;
 
 /// The input of a filter, after the rates have been integrated up to the present sample.
 #[derive(Clone, Debug)]
