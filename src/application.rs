@@ -12,6 +12,7 @@ use crate::board_status::BoardStatus;
 use crate::bringup;
 use crate::failsafe::{SelfCheck, State};
 use crate::flight::{Flight, Snapshot};
+use crate::guard::{Changed, Guard, Sum};
 use crate::led;
 use crate::recorder::Recorder;
 use crate::servo::PulseUs;
@@ -26,9 +27,6 @@ pub const PACKET_BYTES: usize = 64;
 const CARE_US: u64 = 1_000;
 /// The loop turns this often at least, us: the host's port looks after itself now and then.
 const CALM_US: u64 = 10_000;
-
-/// In one of so many steps the settings are looked at: it takes some 100 us, behind the pulses.
-const SETTINGS_STEPS: u8 = 8;
 
 /// What the main loop wakes up for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,8 +93,9 @@ pub enum Bus {
     Broken,
 }
 
-/// The hardware, as far as the application uses it. Nothing here waits.
-pub trait Board {
+/// The hardware, as far as the application uses it. A call takes some microseconds; only a repair of
+/// the bus, a STOP that the sensor holds up, flash and [`Board::bringup`] wait, for up to 66 ms.
+pub trait Board: Sum {
     /// Where parameters are stored.
     type Flash: NorFlash;
 
@@ -144,10 +143,6 @@ pub trait Board {
     /// Reset once the host has been answered, unless the vehicle is armed by then.
     fn reset_soon(&mut self, now: Micros, reset: Reset);
 
-    /// A number that changes with any bit of what the flight's next pulses follow from: of the
-    /// memory that [`Flight::show`] shows.
-    fn sum(&self, flight: &Flight) -> u32;
-
     /// Something decisive is not as it was set: send the servos to neutral and reset.
     fn stop(&mut self, check: SelfCheck);
 
@@ -163,13 +158,10 @@ pub struct Application<'a, S> {
     telemetry: &'a mut Telemetry,
     recorder: &'a mut Recorder,
     port_open: bool,
-    /// The [sum](Board::sum) of the flight when it was changed last.
-    kept: Option<u32>,
+    guard: Guard,
     /// A piece of a save may be done: a step has been taken since the last, with a sample where the
     /// sensor gives any.
     may_save: bool,
-    /// Steps, modulo 256.
-    steps: u8,
 }
 
 impl<'a, S: Imu> Application<'a, S> {
@@ -186,9 +178,8 @@ impl<'a, S: Imu> Application<'a, S> {
             telemetry,
             recorder,
             port_open: false,
-            kept: None,
+            guard: Guard::default(),
             may_save: false,
-            steps: 0,
         }
     }
 
@@ -201,45 +192,15 @@ impl<'a, S: Imu> Application<'a, S> {
         let reading = self.take(now, event, board);
         if event != Event::Nothing {
             self.arm(event, board);
-            // First and in the midst of the step, so that what the sensor is asked between two
-            // bursts goes over the wire meanwhile.
-            self.ask_sensor(now, board);
         }
         if let Some(reading) = reading {
-            self.may_save = reading.is_ok() || !self.sensor.is_sampling();
-            board.step_begins();
-            self.check_memory(board);
-            self.flight.carried_tick(board.carried_tick());
-            let estimate = self.flight.estimate(now, reading);
-            // Behind a burst the sensor holds up the STOP for some time: the bus is free only now,
-            // or after the step.
-            self.ask_sensor(now, board);
-            let snapshot = &self.flight.act(now, estimate);
-            board.step_ends(&self.step_end(now, snapshot));
-            self.flight.catch_up();
-            self.steps = self.steps.wrapping_add(1);
-            if self.steps.is_multiple_of(SETTINGS_STEPS) {
-                self.check_settings(board);
-            }
-            self.ask_sensor(now, board);
-            let status = &board.status();
-            if let Some(index) = self.flight.learn(status) {
-                self.telemetry.report_param(index, self.flight.params());
-            }
-            self.telemetry
-                .record(snapshot, self.flight, self.sensor.fresh(), status);
-            self.telemetry
-                .tell_memory(snapshot, self.flight, self.sensor.refresh());
-            self.recorder.record(snapshot, self.flight);
-            self.telemetry.serve_recorder(self.recorder);
+            self.step(now, reading, board);
         }
         // The sensor's reply is nothing for the host.
         if !matches!(event, Event::Reply(_)) {
             self.exchange(now, board);
         }
-        if self.kept.is_none() {
-            self.kept = Some(board.sum(self.flight));
-        }
+        self.guard.close(self.flight, board);
         let is_waiting = self.ask_sensor(now, board);
         // A transfer that is missing may be one to give up. A save waits for the bus to be free.
         let is_calm = !is_waiting
@@ -249,21 +210,59 @@ impl<'a, S: Imu> Application<'a, S> {
         now.after(if is_calm { CALM_US } else { CARE_US })
     }
 
-    /// Stop where the flight is not as it was left, or its state not one that was entered: bits of
-    /// memory have flipped. From here on it may be changed.
-    fn check_memory(&mut self, board: &mut impl Board) {
-        let kept = self.kept.take();
-        let is_kept = kept.is_none_or(|kept| kept == board.sum(self.flight));
-        if !is_kept || !self.flight.state_is_intact() {
+    /// Estimate, act, send the pulses, and look after the rest.
+    fn step(&mut self, now: Micros, reading: Result<Sample, SensorFault>, board: &mut impl Board) {
+        self.may_save = reading.is_ok() || !self.sensor.is_sampling();
+        board.step_begins();
+        self.open_state(board);
+        self.flight.carried_tick(board.carried_tick());
+        let estimate = self.flight.estimate(now, reading);
+        // Behind a burst the sensor holds up the STOP for some time: the bus is free only now.
+        self.ask_sensor(now, board);
+        let snapshot = &self.flight.act(now, estimate);
+        board.step_ends(&self.step_end(now, snapshot));
+        self.check_settings(board);
+        if self.flight.catch_up() {
+            self.guard.open_settings();
+        }
+        let status = &board.status();
+        if let Some(index) = self.flight.learn(status) {
+            self.guard.open_settings();
+            self.telemetry.report_param(index, self.flight.params());
+        }
+        self.tell(snapshot, status);
+    }
+
+    /// Tell the host and the recorder of a step.
+    fn tell(&mut self, snapshot: &Snapshot, status: &BoardStatus) {
+        self.telemetry
+            .record(snapshot, self.flight, self.sensor.fresh(), status);
+        self.telemetry
+            .tell_memory(snapshot, self.flight, self.sensor.refresh());
+        self.recorder.record(snapshot, self.flight);
+        self.telemetry.serve_recorder(self.recorder);
+    }
+
+    /// Stop where the state is not as it was left. From here on it may be changed.
+    fn open_state(&mut self, board: &mut impl Board) {
+        if self.guard.open_state(self.flight, board) == Err(Changed) {
             board.stop(SelfCheck::Memory);
         }
     }
 
     /// Stop where the settings are not as they were set.
     fn check_settings(&self, board: &mut impl Board) {
-        if !self.flight.settings_are_intact() {
+        if self.guard.check_settings(self.flight, board) == Err(Changed) {
             board.stop(SelfCheck::Memory);
         }
+    }
+
+    /// Before an order that may change all of the flight.
+    #[inline(never)]
+    fn open(&mut self, board: &mut impl Board) {
+        self.check_settings(board);
+        self.open_state(board);
+        self.guard.open_settings();
     }
 
     /// Say what the next tick is to start. The reply to a verification changes that only where it
@@ -349,7 +348,7 @@ impl<'a, S: Imu> Application<'a, S> {
             let mut packet = [0; PACKET_BYTES];
             let packet = copy(board.read(), &mut packet);
             if !packet.is_empty() {
-                self.check_memory(board);
+                self.open(board);
                 self.telemetry.receive(now, packet, self.flight);
             }
         } else {
@@ -367,8 +366,7 @@ impl<'a, S: Imu> Application<'a, S> {
         if has_piece && matches!(board.bus(), Bus::Free | Bus::Broken) {
             self.may_save = false;
             // What a flipped bit has made of the parameters is not to be stored.
-            self.check_settings(board);
-            self.check_memory(board);
+            self.open(board);
             self.telemetry.serve_storage(board.flash(), self.flight);
         }
         if let Some(reset) = self.telemetry.take_reset() {

@@ -20,4 +20,13 @@ impl Axis {
     pub const fn index(self) -> usize {
         self as usize
     }
+
+    /// What belongs to it of a list.
+    pub(crate) fn of<T>(self, all: [T; Self::COUNT]) -> T {
+        let [pitch, roll] = all;
+        match self {
+            Self::Pitch => pitch,
+            Self::Roll => roll,
+        }
+    }
 }

@@ -8,6 +8,7 @@
 use tvc_imu::RawSample;
 
 use crate::sensor::DESCRIPTION;
+use crate::words::words;
 
 /// An acceleration beyond this is a blow, counts: three quarters of the range. The filter passes
 /// that much of what clips.
@@ -21,13 +22,15 @@ const FELT_US: u32 = 100_000;
 /// back.
 const LONGEST_US: u32 = 400_000;
 
-/// What is remembered of blows.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Blow {
-    /// Time for which the newest blow is still felt, us.
-    felt_us: u32,
-    /// Time for which the accelerometer may be left out, us.
-    left_us: u32,
+words! {
+    /// What is remembered of blows.
+    #[derive(Clone, Copy, Debug)]
+    pub(crate) struct Blow {
+        /// Time for which the newest blow is still felt, us.
+        felt_us: u32,
+        /// Time for which the accelerometer may be left out, us.
+        left_us: u32,
+    }
 }
 
 impl Default for Blow {
@@ -60,10 +63,9 @@ impl Blow {
         self.felt_us > 0 && self.left_us > 0
     }
 
-    /// See [`Flight::memory`](crate::Flight::memory).
-    pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        self.felt_us = (each(self.felt_us as i32) as u32).min(FELT_US);
-        self.left_us = (each(self.left_us as i32) as u32).min(LONGEST_US);
+    /// Whether it may have come about.
+    pub(crate) fn is_possible(&self) -> bool {
+        self.felt_us <= FELT_US && self.left_us <= LONGEST_US
     }
 }
 

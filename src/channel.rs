@@ -1,103 +1,115 @@
 //! A control channel: from the angle about an axis to the pulse of its servo.
 
-use tvc_pid::{Coefficients, Q16, Scalar};
+use tvc_pid::{Coefficients, Q16};
 
 use crate::axis::Axis;
-use crate::controller::{Controller, Sample};
-use crate::memory::fixed;
+use crate::controller::{Controller, LawState, Sample};
 use crate::params::Params;
-use crate::servo::{PulseUs, Servo};
+use crate::servo::{Commanded, PulseUs, Servo};
+use crate::words::Words;
 
 /// Control law and servo of one axis.
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
     axis: Axis,
     controller: Controller,
-    /// Crank angle that control asked for last, rad, before limits; zero while it is not active.
-    crank: Q16,
     servo: Servo,
 }
 
+/// What they remember.
+#[derive(Clone, Debug)]
+pub(crate) struct ChannelState {
+    law: LawState,
+    /// Crank angle that control asked for last, rad, before limits; zero while it is not active.
+    pub(crate) crank: Q16,
+    pub(crate) commanded: Commanded,
+}
+
 impl Channel {
-    /// Words of its part of [`Flight::memory`](crate::Flight::memory).
-    pub(crate) const MEMORY_WORDS: usize = Controller::MEMORY_WORDS + 2;
-
     /// An axis whose rudder rests at neutral.
-    pub(crate) fn new(params: &Params, axis: Axis) -> Self {
+    pub(crate) fn new(params: &Params, axis: Axis) -> (Self, ChannelState) {
         let servo = Servo::new(params, axis);
-        Self {
+        let (controller, law) = Controller::new(params, axis, servo.travel_rad());
+        let state = ChannelState {
+            law,
+            crank: Q16::default(),
+            commanded: servo.neutral(),
+        };
+        let channel = Self {
             axis,
-            controller: Controller::new(params, axis, servo.travel_rad()),
-            crank: Q16::ZERO,
+            controller,
             servo,
-        }
+        };
+        (channel, state)
     }
 
-    /// Take over changed parameters.
-    pub(crate) fn configure(&mut self, params: &Params) {
-        self.servo.configure(params, self.axis);
+    /// Take over changed parameters. The last pulse stays, so that the next one still obeys the
+    /// slew rate.
+    pub(crate) fn configure(&mut self, state: &mut ChannelState, params: &Params) {
+        self.servo = Servo::new(params, self.axis);
         let travel_rad = self.servo.travel_rad();
-        self.controller.configure(params, self.axis, travel_rad);
+        self.controller
+            .configure(&mut state.law, params, self.axis, travel_rad);
     }
 
-    /// Whether the servo is as the parameters say.
-    pub(crate) fn is_intact(&self, params: &Params) -> bool {
-        self.servo.is_as(params, self.axis)
-    }
-
-    /// Take over the gains that the schedule has for now.
-    pub(crate) fn follow(&mut self, gains: &Coefficients<Q16>) {
-        self.controller.follow(gains);
-    }
-
-    /// The control law moves the rudder, `dt_us` after the last time.
-    pub(crate) fn control(&mut self, sample: &Sample, dt_us: u32) {
-        self.crank = self.controller.update(sample);
-        self.servo.command(self.crank, dt_us);
+    /// The control law moves the rudder, `dt_us` after the last time. `gains` are those of a
+    /// schedule.
+    pub(crate) fn control(
+        &self,
+        state: &mut ChannelState,
+        sample: &Sample,
+        gains: Option<&Coefficients<Q16>>,
+        dt_us: u32,
+    ) {
+        state.crank = self.controller.update(&mut state.law, sample, gains);
+        self.command(state, dt_us);
     }
 
     /// The rudder of a vehicle that is held answers its tilt, `dt_us` after the last time. That the
     /// vehicle does not follow its rudder is no disturbance.
-    pub(crate) fn show(&mut self, sample: &Sample, dt_us: u32) {
-        self.controller.reset();
-        self.crank = self.controller.show(sample);
-        self.servo.command(self.crank, dt_us);
+    pub(crate) fn show(&self, state: &mut ChannelState, sample: &Sample, dt_us: u32) {
+        self.controller.reset(&mut state.law);
+        state.crank = self.controller.show(sample);
+        self.command(state, dt_us);
+    }
+
+    fn command(&self, state: &mut ChannelState, dt_us: u32) {
+        state.commanded = self.servo.command(state.commanded, state.crank, dt_us);
     }
 
     /// Control goes on without a sample: the last command stays.
-    pub(crate) fn coast(&mut self, is_carried: bool) {
-        self.controller.coast(is_carried);
+    pub(crate) fn coast(&self, state: &mut ChannelState, is_carried: bool) {
+        self.controller.coast(&mut state.law, is_carried);
     }
 
     /// Nobody controls the rudder: it is neutral, or follows a test pulse.
-    pub(crate) fn rest(&mut self, test: Option<PulseUs>) {
-        self.crank = Q16::ZERO;
-        self.controller.reset();
-        match test {
-            Some(pulse) => self.servo.set(pulse),
-            None => self.servo.neutral(),
-        };
-    }
-
-    /// Crank angle that control asked for last, rad, before limits; zero while it is not active.
-    pub(crate) fn crank(&self) -> Q16 {
-        self.crank
-    }
-
-    /// The pulse for the next servo frame.
-    pub(crate) fn pulse(&self) -> PulseUs {
-        self.servo.pulse()
+    pub(crate) fn rest(&self, state: &mut ChannelState, test: Option<PulseUs>) {
+        state.crank = Q16::default();
+        self.controller.reset(&mut state.law);
+        state.commanded = test.map_or(self.servo.neutral(), Commanded::now);
     }
 
     /// The pulse of the rudder at rest.
     pub(crate) fn neutral_pulse(&self) -> PulseUs {
         self.servo.neutral_pulse()
     }
+}
 
-    /// See [`Flight::memory`](crate::Flight::memory).
-    pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        self.controller.memory(each);
-        self.crank = fixed(self.crank, each);
-        self.servo.memory(each);
+impl ChannelState {
+    /// Its words.
+    pub(crate) const WORDS: usize = LawState::ALL_WORDS + Q16::WORDS + Commanded::WORDS;
+
+    /// Shows the words.
+    pub(crate) fn tell(&self, each: &mut impl FnMut(i32)) {
+        self.law.tell(each);
+        self.crank.tell(each);
+        self.commanded.tell(each);
+    }
+
+    /// Takes over the words that a channel of the same law [told](Self::tell).
+    pub(crate) fn resume(&mut self, next: &mut impl FnMut() -> i32) {
+        self.law.resume(next);
+        self.crank = Words::told(next);
+        self.commanded = Words::told(next);
     }
 }

@@ -6,15 +6,15 @@
 use core::f32::consts::PI;
 
 use tvc_pid::{
-    AntiWindup, Cascade, CascadeConfig, Coefficients, Config, ConfigError, Derivative, Gains, Pd,
-    Pid, Q16, Reading, Scalar, Surface, SurfaceConfig,
+    AntiWindup, Cascade, CascadeConfig, Coefficients, Config, Derivative, Gains, Law as _, Pd, Pid,
+    Q16, Reading, Scalar, Surface, SurfaceConfig, SurfaceState,
 };
 
 use crate::axis::Axis;
 use crate::config::TRIM_LIMIT_RAD;
-use crate::memory::fixed;
 use crate::params::Params;
 use crate::sensor::DESCRIPTION;
+use crate::words::Words;
 
 /// What control is given with a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,10 +32,158 @@ pub struct Sample {
     pub is_carried: bool,
 }
 
-/// `PID_LAW` of [`Law::Pid`], by its bits: one comparison of words, where floats take a call.
-const PID: u32 = 0.0_f32.to_bits();
-/// The same of [`Law::Cascade`].
-const CASCADE: u32 = 3.0_f32.to_bits();
+/// The list of the laws: `PID_LAW`, the law, and what makes its configuration of the parameters and
+/// the travel.
+macro_rules! laws {
+    ($($(#[$about:meta])* $number:literal: $law:ident = $config:ident,)*) => {
+        /// The laws that `PID_LAW` chooses from.
+        #[derive(Clone, Debug)]
+        enum Law {
+            $($(#[$about])* $law($law<Q16>),)*
+        }
+
+        /// What the law of an axis remembers.
+        #[derive(Clone, Debug)]
+        pub enum LawState {
+            $($(#[$about])* $law(<$law<Q16> as tvc_pid::Law<Q16>>::State),)*
+        }
+
+        impl Law {
+            fn at_rest(&self) -> LawState {
+                match self {
+                    $(Self::$law(law) => LawState::$law(law.at_rest()),)*
+                }
+            }
+
+            fn update(
+                &self,
+                state: &mut LawState,
+                setpoint: Q16,
+                reading: &Reading<Q16>,
+                is_sent: bool,
+            ) -> Q16 {
+                match (self, state) {
+                    $((Self::$law(law), LawState::$law(state)) => {
+                        law.update(state, setpoint, reading, is_sent)
+                    })*
+                    _ => Q16::ZERO,
+                }
+            }
+
+            fn coast(&self, state: &mut LawState, is_sent: bool) {
+                match (self, state) {
+                    $((Self::$law(law), LawState::$law(state)) => law.coast(state, is_sent),)*
+                    _ => {}
+                }
+            }
+
+            fn reset(&self, state: &mut LawState, setpoint: Q16) {
+                match (self, &mut *state) {
+                    $((Self::$law(law), LawState::$law(state)) => law.reset(state, setpoint),)*
+                    _ => *state = self.at_rest(),
+                }
+            }
+
+            /// Takes over changed parameters, without a bump unless they choose another law.
+            /// Parameters within their ranges always make a law, to which a test holds them; did
+            /// they not, the old law would stay.
+            fn configure(&mut self, state: &mut LawState, params: &Params, travel_rad: f32) {
+                $(if is_law(params, $number) {
+                    // Not inlined, so that the stack holds one law at a time.
+                    #[inline(never)]
+                    fn configure(
+                        law: &mut Law,
+                        state: &mut LawState,
+                        config: &<$law<Q16> as tvc_pid::Law<Q16>>::Config,
+                    ) {
+                        if let (Law::$law(law), LawState::$law(state)) = (&mut *law, &mut *state) {
+                            let _ = law.retune(state, config);
+                        } else if let Ok(new) = $law::new(config) {
+                            *state = LawState::$law(new.at_rest());
+                            *law = Law::$law(new);
+                        }
+                    }
+                    configure(self, state, &$config(params, travel_rad));
+                })*
+            }
+
+            fn with(&self, gains: &Coefficients<Q16>) -> Self {
+                let mut law = self.clone();
+                match &mut law {
+                    $(Self::$law(law) => law.set_gains(gains),)*
+                }
+                law
+            }
+        }
+
+        impl LawState {
+            /// Words of the largest.
+            const WORDS: usize = {
+                let mut most = 0;
+                $(
+                    let words = <<$law<Q16> as tvc_pid::Law<Q16>>::State as Words>::WORDS;
+                    if words > most {
+                        most = words;
+                    }
+                )*
+                most
+            };
+
+            fn tell_law(&self, each: &mut impl FnMut(i32)) {
+                match self {
+                    $(Self::$law(state) => state.tell(each),)*
+                }
+            }
+
+            fn told_law(&mut self, next: &mut impl FnMut() -> i32) {
+                match self {
+                    $(Self::$law(state) => *state = Words::told(next),)*
+                }
+            }
+        }
+    };
+}
+
+laws! {
+    /// Proportional, integral and derivative.
+    0.0: Pid = pid,
+    /// The switching surface.
+    2.0: Surface = surface,
+    /// A loop of the angle around one of the rate.
+    3.0: Cascade = cascade,
+}
+
+/// Whether the parameters choose this law, by its bits: floats take a call.
+fn is_law(params: &Params, number: f32) -> bool {
+    params.pid_law().to_bits() == number.to_bits()
+}
+
+impl LawState {
+    /// Words of any law's state.
+    pub(crate) const ALL_WORDS: usize = Self::WORDS;
+
+    /// Shows the words, and zeros up to those of the largest state.
+    pub(crate) fn tell(&self, each: &mut impl FnMut(i32)) {
+        let mut left = Self::WORDS;
+        self.tell_law(&mut |word| {
+            left -= 1;
+            each(word);
+        });
+        (0..left).for_each(|_| each(0));
+    }
+
+    /// Takes over the words that a state of the same law [told](Self::tell).
+    pub(crate) fn resume(&mut self, next: &mut impl FnMut() -> i32) {
+        let mut left = Self::WORDS;
+        self.told_law(&mut || {
+            left -= 1;
+            next()
+        });
+        for _ in 0..left {
+            let _ = next();
+        }
+    }
+}
 
 /// Control of an axis: what is measured becomes a crank angle.
 #[derive(Clone, Debug)]
@@ -48,25 +196,17 @@ pub struct Controller {
     ticks_per_us: TicksPerUs,
 }
 
-/// The laws that `PID_LAW` chooses from.
-#[derive(Clone, Debug)]
-enum Law {
-    /// Proportional, integral and derivative.
-    Pid(Pid<Q16>),
-    /// The switching surface.
-    Surface(Surface<Q16>),
-    /// A loop of the angle around one of the rate.
-    Cascade(Cascade<Q16>),
+impl Default for LawState {
+    fn default() -> Self {
+        Self::Surface(SurfaceState::default())
+    }
 }
 
 impl Controller {
-    /// Words of its part of [`Flight::memory`](crate::Flight::memory): those of the largest law.
-    pub(crate) const MEMORY_WORDS: usize = Surface::<Q16>::MEMORY;
-
-    /// A controller whose crank rests at zero rudder, with commands up to `travel_rad` either side.
+    /// A controller with commands up to `travel_rad` either side, and the state of its law at rest.
     // Not inlined: its parts are large, and who builds it needs the stack for more.
     #[inline(never)]
-    pub fn new(params: &Params, axis: Axis, travel_rad: f32) -> Self {
+    pub fn new(params: &Params, axis: Axis, travel_rad: f32) -> (Self, LawState) {
         let mut controller = Self {
             law: Law::Surface(Surface::default()),
             shown: Pd {
@@ -77,14 +217,19 @@ impl Controller {
             travel: Q16::ZERO,
             ticks_per_us: TicksPerUs::new(params),
         };
-        controller.configure(params, axis, travel_rad);
-        controller
+        let mut state = LawState::default();
+        controller.configure(&mut state, params, axis, travel_rad);
+        (controller, state)
     }
 
-    /// Take over changed parameters, without a bump unless they choose another law. Parameters
-    /// within their ranges always make a law, to which a test holds them; did they not, the old law
-    /// would stay.
-    pub fn configure(&mut self, params: &Params, axis: Axis, travel_rad: f32) {
+    /// Take over changed parameters, without a bump unless they choose another law.
+    pub fn configure(
+        &mut self,
+        state: &mut LawState,
+        params: &Params,
+        axis: Axis,
+        travel_rad: f32,
+    ) {
         self.setpoint = (params.setpoint_deg(axis) * (PI / 180.0)).into();
         self.travel = travel_rad.into();
         self.ticks_per_us = TicksPerUs::new(params);
@@ -92,27 +237,29 @@ impl Controller {
             kp: params.pid_kp().into(),
             kd: params.pid_kd().into(),
         };
-        let _ = self.law.configure(params, travel_rad);
+        self.law.configure(state, params, travel_rad);
     }
 
-    /// One sample gives the crank angle (rad).
-    pub fn update(&mut self, sample: &Sample) -> Q16 {
-        let Sample { angle, rate, .. } = *sample;
+    /// One sample gives the crank angle (rad). `gains` are those of a schedule.
+    pub fn update(
+        &self,
+        state: &mut LawState,
+        sample: &Sample,
+        gains: Option<&Coefficients<Q16>>,
+    ) -> Q16 {
         let ticks_per_us = self.ticks_per_us;
-        -match &mut self.law {
-            Law::Pid(law) => law.update(self.setpoint, angle, rate),
-            Law::Cascade(law) => law.update(self.setpoint, angle, rate, Q16::ZERO),
-            Law::Surface(law) => {
-                // The angle is the sum of the rates, each of which counts for a whole period: half
-                // of one more than has passed.
-                let reading = Reading {
-                    value: angle,
-                    rate,
-                    age: sample.rate_age_us.map(|us| ticks_per_us.times(us)),
-                    value_lead: ticks_per_us.times(sample.refresh_us / 2),
-                };
-                law.update(self.setpoint, &reading, sample.is_carried)
-            }
+        // The angle is the sum of the rates, each of which counts for a whole period: half of one
+        // more than has passed.
+        let reading = Reading {
+            value: sample.angle,
+            rate: sample.rate,
+            age: sample.rate_age_us.map(|us| ticks_per_us.times(us)),
+            value_lead: ticks_per_us.times(sample.refresh_us / 2),
+        };
+        let mut update = |law: &Law| law.update(state, self.setpoint, &reading, sample.is_carried);
+        -match gains {
+            None => update(&self.law),
+            Some(gains) => update(&self.law.with(gains)),
         }
     }
 
@@ -123,91 +270,14 @@ impl Controller {
         (-output).clamped(-self.travel, self.travel)
     }
 
-    /// Take over the gains that the schedule has for now.
-    pub fn follow(&mut self, gains: &Coefficients<Q16>) {
-        match &mut self.law {
-            Law::Pid(law) => law.set_coefficients(*gains),
-            Law::Cascade(law) => law.rate_loop().set_coefficients(*gains),
-            Law::Surface(_) => {}
-        }
-    }
-
     /// A sample is missing: the crank angle stays.
-    pub fn coast(&mut self, is_carried: bool) {
-        if let Law::Surface(law) = &mut self.law {
-            law.coast(is_carried);
-        }
-    }
-
-    /// See [`Flight::memory`](crate::Flight::memory).
-    pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        let mut told = 0;
-        let mut count = |word: i32| {
-            told += 1;
-            each(word)
-        };
-        match &mut self.law {
-            Law::Pid(law) => law.memory(&mut |value| fixed(value, &mut count)),
-            Law::Cascade(law) => law.memory(&mut |value| fixed(value, &mut count)),
-            Law::Surface(law) => law.memory(&mut |value| fixed(value, &mut count)),
-        }
-        for _ in told..Self::MEMORY_WORDS {
-            each(0);
-        }
+    pub fn coast(&self, state: &mut LawState, is_carried: bool) {
+        self.law.coast(state, is_carried);
     }
 
     /// The drone is held or the rudder is neutral for another reason: start afresh.
-    pub fn reset(&mut self) {
-        match &mut self.law {
-            Law::Pid(law) => law.reset(Q16::ZERO, self.setpoint, self.setpoint),
-            Law::Cascade(law) => law.reset(),
-            Law::Surface(law) => law.reset(),
-        }
-    }
-}
-
-impl Law {
-    /// Not taken over where it cannot work. Each law is configured in a function of its own, so
-    /// that the stack holds one of them at a time.
-    fn configure(&mut self, params: &Params, travel_rad: f32) -> Result<(), ConfigError> {
-        match params.pid_law().to_bits() {
-            PID => self.be_pid(&pid(params, travel_rad)),
-            CASCADE => self.be_cascade(&cascade(params, travel_rad)),
-            _ => self.be_surface(&surface(params, travel_rad)),
-        }
-    }
-
-    #[inline(never)]
-    fn be_pid(&mut self, config: &Config) -> Result<(), ConfigError> {
-        match self {
-            Self::Pid(law) => law.set_config(config),
-            _ => {
-                *self = Self::Pid(Pid::new(config)?);
-                Ok(())
-            }
-        }
-    }
-
-    #[inline(never)]
-    fn be_cascade(&mut self, config: &CascadeConfig) -> Result<(), ConfigError> {
-        match self {
-            Self::Cascade(law) => law.set_config(config),
-            _ => {
-                *self = Self::Cascade(Cascade::new(config)?);
-                Ok(())
-            }
-        }
-    }
-
-    #[inline(never)]
-    fn be_surface(&mut self, config: &SurfaceConfig) -> Result<(), ConfigError> {
-        if !matches!(self, Self::Surface(_)) {
-            *self = Self::Surface(Surface::default());
-        }
-        match self {
-            Self::Surface(law) => law.retune(config),
-            _ => Ok(()),
-        }
+    pub fn reset(&self, state: &mut LawState) {
+        self.law.reset(state, self.setpoint);
     }
 }
 
@@ -283,10 +353,10 @@ fn constant_gains(params: &Params) -> Gains {
 /// The configuration, without limits, to which gains of the schedule belong in the law that the
 /// parameters choose; `None` for laws whose gains are not scheduled.
 pub(crate) fn scheduled(params: &Params, gains: Gains) -> Option<Config> {
-    match params.pid_law().to_bits() {
-        PID => Some(pid_with(params, gains)),
-        CASCADE => Some(rate_loop(params, gains)),
-        _ => None,
+    if is_law(params, 0.0) {
+        Some(pid_with(params, gains))
+    } else {
+        is_law(params, 3.0).then(|| rate_loop(params, gains))
     }
 }
 
@@ -334,9 +404,33 @@ mod tests {
         }
     }
 
-    /// What a controller puts out, rad.
-    fn updated(controller: &mut Controller, pitch_rad: f32, rate_rad_s: f32) -> f32 {
-        controller.update(&sample(pitch_rad, rate_rad_s)).into()
+    struct Running {
+        controller: Controller,
+        state: LawState,
+    }
+
+    fn running(params: &Params) -> Running {
+        let (controller, state) = Controller::new(params, Axis::Pitch, 1.0);
+        Running { controller, state }
+    }
+
+    impl Running {
+        /// What it puts out, rad.
+        fn updated(&mut self, pitch_rad: f32, rate_rad_s: f32) -> f32 {
+            let sample = sample(pitch_rad, rate_rad_s);
+            self.controller
+                .update(&mut self.state, &sample, None)
+                .into()
+        }
+
+        fn configure(&mut self, params: &Params) {
+            self.controller
+                .configure(&mut self.state, params, Axis::Pitch, 1.0);
+        }
+
+        fn reset(&mut self) {
+            self.controller.reset(&mut self.state);
+        }
     }
 
     fn with_law(law: f32) -> Params {
@@ -348,12 +442,12 @@ mod tests {
     #[test]
     fn nose_up_and_rising_ask_for_positive_crank_angles() {
         for law in [0.0, 2.0, 3.0] {
-            let mut controller = Controller::new(&with_law(law), Axis::Pitch, 1.0);
-            assert!(updated(&mut controller, 0.1, 0.0) > 0.0);
+            let mut controller = running(&with_law(law));
+            assert!(controller.updated(0.1, 0.0) > 0.0);
             controller.reset();
-            assert!(updated(&mut controller, 0.0, 0.5) > 0.0);
+            assert!(controller.updated(0.0, 0.5) > 0.0);
             controller.reset();
-            assert_eq!(updated(&mut controller, 0.0, 0.0), 0.0);
+            assert_eq!(controller.updated(0.0, 0.0), 0.0);
         }
     }
 
@@ -362,8 +456,8 @@ mod tests {
         for law in [0.0, 2.0, 3.0] {
             let mut params = with_law(law);
             params.set("PITCH_SET_DEG", 10.0).unwrap();
-            let mut controller = Controller::new(&params, Axis::Pitch, 1.0);
-            let crank_rad = updated(&mut controller, 10.0_f32.to_radians(), 0.0);
+            let mut controller = running(&params);
+            let crank_rad = controller.updated(10.0_f32.to_radians(), 0.0);
             assert!(crank_rad.abs() < 1e-3, "{law}: {crank_rad}");
         }
     }
@@ -387,14 +481,14 @@ mod tests {
 
     #[test]
     fn another_law_begins_at_rest_and_other_gains_go_on() {
-        let mut controller = Controller::new(&with_law(2.0), Axis::Pitch, 1.0);
-        let crank_rad = updated(&mut controller, 0.3, 0.2);
+        let mut controller = running(&with_law(2.0));
+        let crank_rad = controller.updated(0.3, 0.2);
         let mut params = with_law(2.0);
         params.set("SFC_NEAR", 20.0).unwrap();
-        controller.configure(&params, Axis::Pitch, 1.0);
-        assert!(updated(&mut controller, 0.3, 0.2) >= crank_rad);
-        controller.configure(&with_law(0.0), Axis::Pitch, 1.0);
-        assert_eq!(updated(&mut controller, 0.0, 0.0), 0.0);
+        controller.configure(&params);
+        assert!(controller.updated(0.3, 0.2) >= crank_rad);
+        controller.configure(&with_law(0.0));
+        assert_eq!(controller.updated(0.0, 0.0), 0.0);
     }
 
     proptest! {

@@ -16,9 +16,9 @@ use crate::config::{
     COS_ARM_TILT_Q30, COS_FAILSAFE_TILT_Q30, DATA_AGE_LIMIT_US, FAILSAFE_TILT_US, HOST_SILENCE_US,
     RECOVERY_SAMPLES,
 };
-use crate::memory::time;
 use crate::self_test::{SelfTest, Verdict};
 use crate::store::Loaded;
+use crate::words::Words;
 
 pub use crate::numbered::UnknownCode;
 pub use code::{LatchKind, SelfCheck, StateCode, StateKind};
@@ -64,8 +64,6 @@ impl Health {
 #[derive(Clone, Debug)]
 pub struct Supervisor {
     state: State,
-    /// The state's [code](State::code), inverted: a state that was not entered does not agree.
-    kept: u32,
     /// What of the start-up's report has not been acknowledged.
     report: BootReport,
     health: Health,
@@ -90,7 +88,6 @@ impl Supervisor {
     pub fn new(report: BootReport) -> Self {
         Self {
             state: report.state(),
-            kept: !report.state().code(),
             report,
             health: Health::UNKNOWN,
             fresh: None,
@@ -104,29 +101,38 @@ impl Supervisor {
         }
     }
 
-    /// See [`Flight::memory`](crate::Flight::memory).
-    pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        let code = self.state.code();
-        let told = each(code as i32) as u32;
-        if told != code
-            && let Some(state) = StateCode::try_from(told).ok().and_then(State::resumed)
-        {
-            self.enter(state);
-        }
-        self.good_run = each(self.good_run.into()) as u8;
-        let since = match self.state {
+    /// Words that are [told](Self::tell).
+    pub(crate) const WORDS: usize = 2 + Option::<Micros>::WORDS;
+
+    /// Shows the words of what no later step tells.
+    pub(crate) fn tell(&self, each: &mut impl FnMut(i32)) {
+        (self.state.code() as i32).tell(each);
+        self.good_run.tell(each);
+        match self.state {
             State::Active { over_tilt_since } => over_tilt_since,
             _ => None,
-        };
-        // Nothing flies at time 0.
-        let since = time(since.unwrap_or_default(), each);
-        if let State::Active { over_tilt_since } = &mut self.state {
-            *over_tilt_since = (since.0 > 0).then_some(since);
         }
+        .tell(each);
     }
 
-    /// The newest step had a sample of this time, and the attitude had this health.
-    pub(crate) fn resume(&mut self, sampled: Micros, health: Health) {
+    /// Goes on from the words that another one [told](Self::tell) behind a step with a sample of
+    /// this time and an attitude of this health.
+    pub(crate) fn resume(
+        &mut self,
+        sampled: Micros,
+        health: Health,
+        next: &mut impl FnMut() -> i32,
+    ) {
+        let code = next() as u32;
+        self.good_run = Words::told(next);
+        let since = Words::told(next);
+        let told = StateCode::try_from(code).ok().and_then(State::resumed);
+        self.state = match told.unwrap_or(self.state) {
+            State::Active { .. } => State::Active {
+                over_tilt_since: since,
+            },
+            state => state,
+        };
         (self.fresh, self.fault, self.health) = (Some(sampled), None, health);
     }
 
@@ -143,17 +149,6 @@ impl Supervisor {
     /// Where the flight stands.
     pub fn state(&self) -> State {
         self.state
-    }
-
-    /// Whether the state is the one that was entered last: a flipped bit of memory may have made
-    /// another one of it.
-    pub fn is_intact(&self) -> bool {
-        self.kept == !self.state.code()
-    }
-
-    fn enter(&mut self, state: State) {
-        self.kept = !state.code();
-        self.state = state;
     }
 
     /// What was found of stored parameters at start-up.
@@ -192,7 +187,7 @@ impl Supervisor {
             },
             _ => return,
         };
-        self.enter(next);
+        self.state = next;
     }
 
     /// A step with a sample of this time, and the attitude after it.
@@ -230,7 +225,7 @@ impl Supervisor {
     pub fn restart(&mut self) -> Result<(), Refusal> {
         match self.state {
             State::Boot | State::SelfTest(_) | State::Standby => {
-                self.enter(State::Boot);
+                self.state = State::Boot;
                 self.attitude_lost();
                 Ok(())
             }
@@ -257,7 +252,7 @@ impl Supervisor {
         if let (Command::Disarm, State::Latched(latch)) = (command, self.state) {
             self.report.acknowledge(latch);
         }
-        self.enter(next);
+        self.state = next;
         Ok(())
     }
 
@@ -388,7 +383,7 @@ impl Supervisor {
     /// The sensor is gone: a failsafe in operation, a fresh start before.
     fn lose_sensor(&mut self, reason: Reason) {
         match self.state {
-            State::SelfTest(_) => self.enter(State::Boot),
+            State::SelfTest(_) => self.state = State::Boot,
             _ => self.fail(reason),
         }
     }
@@ -399,7 +394,7 @@ impl Supervisor {
             self.state,
             State::Standby | State::Armed | State::Active { .. }
         ) {
-            self.enter(State::Failsafe(reason));
+            self.state = State::Failsafe(reason);
         }
     }
 }

@@ -15,17 +15,17 @@ use tvc_pid::Q16;
 
 use crate::axis::Axis;
 use crate::board_status::BoardStatus;
-use crate::channel::Channel;
+use crate::channel::{Channel, ChannelState};
 use crate::config::{CLOCK_CHANGE, STRETCH_LONGER_US, STRETCH_MAX_US, STRETCH_SHORTER_US};
 use crate::controller;
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
 use crate::gain_schedule::GainSchedule;
-use crate::launch::{Event, Launch};
-use crate::navigation::Navigation;
+use crate::launch::{self, Event, Launch};
+use crate::navigation::{self, Navigation};
 use crate::params::{Change, Info, ParamError, Params, Polarity};
 use crate::servo::PulseUs;
 use crate::store::Loaded;
-use crate::ticks::{CarriedTicks, Timing};
+use crate::ticks::{CarriedTicks, Ticks, Timing};
 
 /// What the first half of a step hands to the second.
 #[derive(Clone, Copy, Debug)]
@@ -66,32 +66,40 @@ pub struct Snapshot {
     pub missed: u32,
 }
 
-/// Who looks at the memory of values, whatever they are.
-pub trait Watch {
-    /// Take this one.
-    fn see<T>(&mut self, value: &T);
-}
-
-/// Attitude, control, servo and failsafe.
+/// Attitude, control, servo and failsafe: settings, which only orders change, and a state, which
+/// every step changes.
 #[derive(Clone, Debug)]
 pub struct Flight {
+    settings: Settings,
+    state: Memory,
+}
+
+/// The parameters, and what follows from them.
+#[derive(Clone, Debug)]
+pub(crate) struct Settings {
     params: Params,
-    /// Their digest when they were changed last.
-    digest: i32,
-    /// What the parameters say of it.
     timing: Timing,
+    ticks: Ticks,
     navigation: Navigation,
-    launch: Launch,
+    launch: launch::Settings,
     gains: GainSchedule,
-    carried: CarriedTicks,
     /// Of every axis, steered or not.
     channels: [Channel; Axis::COUNT],
     /// How many of them are steered.
     steered: usize,
     /// The channel of roll has not taken over the newest parameters yet.
     roll_is_due: bool,
-    test_pulse: TestPulse,
+}
+
+/// All that the next steps depend on besides settings, samples and orders.
+#[derive(Clone, Debug)]
+pub(crate) struct Memory {
+    carried: CarriedTicks,
     supervisor: Supervisor,
+    navigation: navigation::State,
+    launch: Launch,
+    channels: [ChannelState; Axis::COUNT],
+    test_pulse: TestPulse,
 }
 
 impl Flight {
@@ -106,25 +114,44 @@ impl Flight {
         let timing = params.timing();
         let mut gains = GainSchedule::default();
         gains.configure(&params);
+        let (navigation, navigated) = Navigation::new(&params)?;
+        let [pitch, roll] = Axis::ALL.map(|axis| Channel::new(&params, axis));
         Ok(Self {
-            navigation: Navigation::new(&params)?,
-            launch: Launch::new(&params),
-            gains,
-            carried: CarriedTicks::new(&timing),
-            channels: Axis::ALL.map(|axis| Channel::new(&params, axis)),
-            steered: params.axes().len(),
-            roll_is_due: false,
-            test_pulse: TestPulse::NONE,
-            supervisor,
-            digest: params.digest(),
-            params,
-            timing,
+            state: Memory {
+                carried: CarriedTicks::default(),
+                supervisor,
+                navigation: navigated,
+                launch: Launch::default(),
+                channels: [pitch.1, roll.1],
+                test_pulse: TestPulse::NONE,
+            },
+            settings: Settings {
+                navigation,
+                launch: launch::Settings::new(&params),
+                gains,
+                ticks: Ticks::new(&timing),
+                channels: [pitch.0, roll.0],
+                steered: params.axes().len(),
+                roll_is_due: false,
+                timing,
+                params,
+            },
         })
+    }
+
+    /// What only orders change.
+    pub(crate) fn settings_in_memory(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// What every step changes.
+    pub(crate) fn state_in_memory(&self) -> &Memory {
+        &self.state
     }
 
     /// A tick whose step is carried by the next pulse came then.
     pub fn carried_tick(&mut self, at: Micros) {
-        self.carried.seen(at);
+        self.state.carried.seen(at);
     }
 
     /// One control step: a sample, or the reason why there is none, becomes the pulses of the next
@@ -136,12 +163,14 @@ impl Flight {
         snapshot
     }
 
-    /// What is left to do behind a step, when its pulses have been written.
-    pub fn catch_up(&mut self) {
-        if core::mem::take(&mut self.roll_is_due) {
-            let [_, roll] = &mut self.channels;
-            roll.configure(&self.params);
+    /// What is left to do behind a step, when its pulses have been written. Says whether the
+    /// settings have changed by it.
+    pub fn catch_up(&mut self) -> bool {
+        let is_due = core::mem::take(&mut self.settings.roll_is_due);
+        if is_due {
+            self.configure_channel(Axis::Roll);
         }
+        is_due
     }
 
     /// The first half of a step: the attitude, and what state follows from it.
@@ -150,24 +179,29 @@ impl Flight {
         now: Micros,
         reading: Result<Sample, SensorFault>,
     ) -> Option<Estimate> {
-        let is_free = self.launch.is_free(&self.state());
+        let is_free = self.is_free();
         // The time of one that is yet to come is wrong, and all after it would be older.
         let reading = match reading {
             Ok(sample) if sample.raw.time > now => Err(SensorFault::Late),
             reading => reading,
         };
         let estimated = reading.and_then(|sample| {
-            let dt_us = self.navigation.update(&sample, is_free)?;
+            let dt_us =
+                self.settings
+                    .navigation
+                    .update(&mut self.state.navigation, &sample, is_free)?;
             Ok((sample.raw, dt_us))
         });
         match estimated {
             Ok((sample, dt_us)) => {
                 let health = self.health();
-                if self.supervisor.is_testing() {
-                    self.supervisor.test(&self.navigation.in_body(&sample));
+                if self.state.supervisor.is_testing() {
+                    self.state
+                        .supervisor
+                        .test(&self.state.navigation.in_body(&sample));
                 }
-                self.supervisor.sample(now, sample.time, health);
-                if self.launch.is_needed() {
+                self.state.supervisor.sample(now, sample.time, health);
+                if self.settings.launch.is_needed() {
                     self.follow_launch(now, sample.time);
                 }
                 Some(Estimate {
@@ -177,7 +211,7 @@ impl Flight {
                 })
             }
             Err(fault) => {
-                self.supervisor.miss(now, fault);
+                self.state.supervisor.miss(now, fault);
                 None
             }
         }
@@ -189,47 +223,12 @@ impl Flight {
             Some(estimate) => {
                 self.control(now, estimate);
                 if !estimate.valid {
-                    self.navigation.restart();
+                    self.settings.navigation.restart(&mut self.state.navigation);
                 }
             }
             None => self.hold(now),
         }
         self.snapshot(now, estimate.map(|estimate| estimate.sample))
-    }
-
-    /// Shows the values, as they lie in memory, from which the next pulses follow, beside the
-    /// parameters, which have a [check](Self::settings_are_intact) of their own.
-    pub fn show(&self, watch: &mut impl Watch) {
-        watch.see(&self.navigation);
-        watch.see(&self.supervisor);
-        watch.see(&self.launch);
-        watch.see(&self.carried);
-        watch.see(&self.test_pulse);
-        for channel in self.channels.iter().take(self.steered) {
-            watch.see(channel);
-        }
-        if !self.gains.is_constant() {
-            watch.see(&self.gains);
-        }
-    }
-
-    /// Whether the state is what the newest step or order made it: quick, for every step.
-    pub fn state_is_intact(&self) -> bool {
-        self.supervisor.is_intact()
-    }
-
-    /// Whether the parameters are as they were set, and the neutral and limits of the servos as
-    /// they say: a flipped bit of memory may have made others of them.
-    // Not inlined: the step does not need it.
-    #[inline(never)]
-    pub fn settings_are_intact(&self) -> bool {
-        // One that is yet to be configured is not as they say.
-        let configured = self.steered.saturating_sub(self.roll_is_due.into());
-        let channels = self.channels.iter().take(configured);
-        self.digest == self.params.digest()
-            && channels
-                .clone()
-                .all(|channel| channel.is_intact(&self.params))
     }
 
     /// Begin anew as after power-on: self-test, and the gyro's offset learned at rest.
@@ -238,8 +237,8 @@ impl Flight {
     /// The [`Refusal`] where the attitude is needed or a fault is to be acknowledged; nothing
     /// changes.
     pub fn calibrate(&mut self) -> Result<(), Refusal> {
-        self.supervisor.restart()?;
-        self.navigation.restart();
+        self.state.supervisor.restart()?;
+        self.settings.navigation.restart(&mut self.state.navigation);
         Ok(())
     }
 
@@ -249,7 +248,11 @@ impl Flight {
     /// [`ParamError`]; the old value stays.
     pub fn set_param(&mut self, name: &str, value: f32) -> Result<&'static Info, ParamError> {
         let index = Params::index_of(name).ok_or(ParamError::Unknown)?;
-        let (info, before) = self.params.by_index(index).ok_or(ParamError::Unknown)?;
+        let (info, before) = self
+            .settings
+            .params
+            .by_index(index)
+            .ok_or(ParamError::Unknown)?;
         if info.change != Change::Live && self.state().is_armed() {
             return Err(ParamError::Armed { name: info.name });
         }
@@ -257,25 +260,12 @@ impl Flight {
         if Params::POLARITIES.contains(&index) && value == 1.0 && before == 0.0 {
             return Err(ParamError::Unseen { name: info.name });
         }
-        self.change(|params| {
-            params.set_by_id(info.id, value)?;
-            if info.change == Change::Turning && before != value {
-                params.forget_polarity();
-            }
-            Ok(())
-        })?;
+        self.settings.params.set_by_id(info.id, value)?;
+        if info.change == Change::Turning && before != value {
+            self.settings.params.forget_polarity();
+        }
         self.configure(info.change);
         Ok(info)
-    }
-
-    /// Change parameters. A bit of them that had flipped before stays noticeable.
-    fn change<T>(&mut self, change: impl FnOnce(&mut Params) -> T) -> T {
-        let was_intact = self.digest == self.params.digest();
-        let changed = change(&mut self.params);
-        if was_intact {
-            self.digest = self.params.digest();
-        }
-        changed
     }
 
     /// Change all parameters at once.
@@ -286,8 +276,7 @@ impl Flight {
         if self.state().is_armed() {
             return Err(ParamError::ArmedAll);
         }
-        self.params = params;
-        self.digest = self.params.digest();
+        self.settings.params = params;
         self.configure(Change::Disarmed);
         Ok(())
     }
@@ -304,16 +293,16 @@ impl Flight {
             return Some(Params::STRETCH);
         }
         let fine = board.clock_fine?;
-        let kept = self.params.clock_fine();
+        let kept = self.settings.params.clock_fine();
         let changed = kept.is_none_or(|kept| kept.abs_diff(fine) > CLOCK_CHANGE);
         changed.then(|| {
-            self.change(|params| params.set_clock_fine(fine));
+            self.settings.params.set_clock_fine(fine);
             Params::CLOCK
         })
     }
 
     fn learn_stretch(&mut self, board: &BoardStatus) -> bool {
-        let timing = &self.timing;
+        let timing = &self.settings.timing;
         let stretch_us = timing
             .stretch_of(board.bursts.planned_us(board.stop_us))
             .min(STRETCH_MAX_US);
@@ -322,55 +311,59 @@ impl Flight {
         let shorter = stretch_us + STRETCH_SHORTER_US < timing.stretch_us;
         let changed = board.bursts.mean_us > 0 && (longer || shorter);
         if changed {
-            self.change(|params| params.set_stretch(stretch_us));
+            self.settings.params.set_stretch(stretch_us);
         }
         changed
     }
 
     /// What was found of stored parameters at start-up.
     pub fn stored(&self) -> Loaded {
-        self.supervisor.stored()
+        self.state.supervisor.stored()
     }
 
     /// A ground station's heartbeat has arrived.
     pub fn host_heard(&mut self, now: Micros) {
-        self.supervisor.host_heard(now);
+        self.state.supervisor.host_heard(now);
     }
 
     /// The neutral pulses of the parameters in use; [`PulseUs::NONE`] for an axis that is not
     /// steered.
     pub fn neutral(&self) -> [PulseUs; Axis::COUNT] {
-        self.of_steered(PulseUs::NONE, Channel::neutral_pulse)
+        self.of_steered(
+            &self.settings.channels,
+            PulseUs::NONE,
+            Channel::neutral_pulse,
+        )
     }
 
     /// The self-test is passed, the attitude has settled, and the gyro's offset is known.
     pub fn is_calibrated(&self) -> bool {
-        self.supervisor.is_calibrated()
+        self.state.supervisor.is_calibrated()
     }
 
     /// Where the flight stands.
     pub fn state(&self) -> State {
-        self.supervisor.state()
+        self.state.supervisor.state()
     }
 
     /// What the timing of the loop follows from, by the parameters.
     pub fn timing(&self) -> Timing {
-        self.timing
+        self.settings.timing
     }
 
     /// The parameters.
     pub fn params(&self) -> &Params {
-        &self.params
+        &self.settings.params
     }
 
     /// The newest attitude in float, for whoever does not count cycles.
     pub fn attitude(&self) -> Attitude {
-        self.navigation.attitude()
+        self.settings.navigation.attitude(&self.state.navigation)
     }
 
     /// The newest attitude in fixed point, as it is estimated.
     pub fn orientation(&self) -> Orientation {
-        self.navigation.orientation()
+        self.settings.navigation.orientation(&self.state.navigation)
     }
 
     /// Roll, pitch and yaw of the newest attitude, rad: yaw, pitch, roll in turn, from north, nose
@@ -384,23 +377,32 @@ impl Flight {
     // Not inlined: most vehicles never need it.
     #[inline(never)]
     fn follow_launch(&mut self, now: Micros, at: Micros) {
-        let upwards = self.navigation.upwards();
-        let command = match self.launch.watch(at, upwards, &self.state()) {
-            None => return,
-            Some(Event::Launch) => Command::Release,
-            Some(Event::End) => Command::Disarm,
-        };
+        let upwards = self.state.navigation.upwards();
+        let command =
+            match self
+                .state
+                .launch
+                .watch(&self.settings.launch, at, upwards, &self.state())
+            {
+                None => return,
+                Some(Event::Launch) => Command::Release,
+                Some(Event::End) => Command::Disarm,
+            };
         // A vehicle that cannot be released stays armed, with its rudders at neutral.
-        let _ = self.supervisor.command(now, command);
+        let _ = self.state.supervisor.command(now, command);
     }
 
     /// Standard deviations of the tilt about either axis, and of the heading, deg: as the estimator
     /// has them, but for the tilt of a vehicle whose attitude follows its gyroscope alone.
     pub fn attitude_sd_deg(&self) -> [f32; 2] {
         const DEG: f32 = 180.0 / core::f32::consts::PI;
-        let [tilt, heading] = self.navigation.attitude_sd().map(|rad| rad * DEG);
-        let tilt = if self.launch.is_free(&self.state()) {
-            self.launch.tilt_sd_deg(self.params.gyr_per_g())
+        let [tilt, heading] = self
+            .settings
+            .navigation
+            .attitude_sd(&self.state.navigation)
+            .map(|rad| rad * DEG);
+        let tilt = if self.is_free() {
+            self.state.launch.tilt_sd_deg(self.params().gyr_per_g())
         } else {
             tilt
         };
@@ -411,36 +413,25 @@ impl Flight {
     /// the vehicle to negative angles, so the crank follows the angle and its rate with positive
     /// sign: `crank = kp (angle - setpoint) + kd rate`.
     fn control(&mut self, now: Micros, estimate: &Estimate) {
-        let is_carried = self.carried.tick(estimate.sample.time);
-        if !self.gains.is_constant() {
-            self.follow_schedule();
-        }
-        let [roll_rate, pitch_rate, _] = self.navigation.rates();
-        let sample = |angle, rate, navigation: &Navigation| controller::Sample {
+        let Self { settings, state } = self;
+        let is_carried = state.carried.tick(&settings.ticks, estimate.sample.time);
+        let (navigation, attained) = (&settings.navigation, &state.navigation);
+        let [roll_rate, pitch_rate, _] = navigation.rates(attained);
+        let sample = |angle, rate| controller::Sample {
             angle,
             rate,
-            rate_age_us: navigation.rate_age_us(),
-            refresh_us: navigation.refresh_us(),
+            rate_age_us: attained.rate_age_us(),
+            refresh_us: attained.refresh_us(),
             is_carried,
         };
-        if self.steered == 1 {
-            let pitch = sample(self.navigation.pitch(), pitch_rate, &self.navigation);
+        if settings.steered == 1 {
+            let pitch = sample(navigation.pitch(attained), pitch_rate);
             return self.steer(now, Axis::Pitch, &pitch, estimate.dt_us);
         }
-        let [pitch, roll] = self.navigation.tilt();
-        let pitch = sample(pitch, pitch_rate, &self.navigation);
+        let [pitch, roll] = navigation.tilt(attained);
+        let (pitch, roll) = (sample(pitch, pitch_rate), sample(roll, roll_rate));
         self.steer(now, Axis::Pitch, &pitch, estimate.dt_us);
-        let roll = sample(roll, roll_rate, &self.navigation);
         self.steer(now, Axis::Roll, &roll, estimate.dt_us);
-    }
-
-    /// The laws take over the gains of this moment.
-    #[inline(never)]
-    fn follow_schedule(&mut self) {
-        if let Some(gains) = self.gains.at(self.launch.seconds()) {
-            let steered = self.channels.iter_mut().take(self.steered);
-            steered.for_each(|channel| channel.follow(&gains));
-        }
     }
 
     /// The control of an axis, `dt_us` after the last.
@@ -448,33 +439,47 @@ impl Flight {
     fn steer(&mut self, now: Micros, axis: Axis, sample: &controller::Sample, dt_us: u32) {
         let rudder = self.rudder(now, axis);
         let is_active = self.state().is_active();
-        let channel = channel(&mut self.channels, axis);
+        let Self { settings, state } = self;
+        let channel = axis.of(settings.channels.each_ref());
+        let channel_state = axis.of(state.channels.each_mut());
         match rudder {
-            Rudder::Controlled if is_active => channel.control(sample, dt_us),
-            Rudder::Controlled => channel.show(sample, dt_us),
-            Rudder::Tested(pulse) => channel.rest(Some(pulse)),
-            Rudder::Neutral => channel.rest(None),
+            Rudder::Controlled if is_active && settings.gains.is_constant() => {
+                channel.control(channel_state, sample, None, dt_us);
+            }
+            Rudder::Controlled if is_active => {
+                let gains = settings.gains.at(state.launch.seconds());
+                channel.control(channel_state, sample, gains.as_ref(), dt_us);
+            }
+            Rudder::Controlled => channel.show(channel_state, sample, dt_us),
+            Rudder::Tested(pulse) => channel.rest(channel_state, Some(pulse)),
+            Rudder::Neutral => channel.rest(channel_state, None),
         }
     }
 
     /// Without a sample the last commands stay, for as long as the supervisor lets them.
     fn hold(&mut self, now: Micros) {
-        let is_carried = self.carried.missed();
-        for axis in Axis::ALL.into_iter().take(self.steered) {
+        let is_carried = self.state.carried.missed(&self.settings.ticks);
+        for axis in Axis::ALL.into_iter().take(self.settings.steered) {
             let rudder = self.rudder(now, axis);
-            let channel = channel(&mut self.channels, axis);
+            let channel = axis.of(self.settings.channels.each_ref());
+            let state = axis.of(self.state.channels.each_mut());
             match rudder {
-                Rudder::Controlled => channel.coast(is_carried),
-                Rudder::Tested(pulse) => channel.rest(Some(pulse)),
-                Rudder::Neutral => channel.rest(None),
+                Rudder::Controlled => channel.coast(state, is_carried),
+                Rudder::Tested(pulse) => channel.rest(state, Some(pulse)),
+                Rudder::Neutral => channel.rest(state, None),
             }
         }
     }
 
-    /// A figure of every channel, `other` for one that is not steered.
-    fn of_steered<T>(&self, other: T, figure: impl Fn(&Channel) -> T) -> [T; Axis::COUNT] {
-        let [pitch, roll] = &self.channels;
-        let roll = if self.steered == 1 {
+    /// A figure of every axis; `other` for one that is not steered.
+    fn of_steered<T, C>(
+        &self,
+        channels: &[C; Axis::COUNT],
+        other: T,
+        figure: impl Fn(&C) -> T,
+    ) -> [T; Axis::COUNT] {
+        let [pitch, roll] = channels;
+        let roll = if self.settings.steered == 1 {
             other
         } else {
             figure(roll)
@@ -482,20 +487,36 @@ impl Flight {
         [figure(pitch), roll]
     }
 
+    /// The rates alone turn the attitude.
+    fn is_free(&self) -> bool {
+        let Self { settings, state } = self;
+        state
+            .launch
+            .is_free(&settings.launch, &state.supervisor.state())
+    }
+
+    /// Hand the parameters to the channel of an axis.
+    fn configure_channel(&mut self, axis: Axis) {
+        let Self { settings, state } = self;
+        let channel = axis.of(settings.channels.each_mut());
+        channel.configure(axis.of(state.channels.each_mut()), &settings.params);
+    }
+
     fn snapshot(&self, now: Micros, sample: Option<RawSample>) -> Snapshot {
+        let channels = &self.state.channels;
         Snapshot {
             now,
             sample,
             orientation: self.orientation(),
-            rates: self.navigation.rates(),
-            settled: self.navigation.has_settled(),
-            cranks: self.of_steered(Q16::default(), Channel::crank),
-            pulses: self.of_steered(PulseUs::NONE, Channel::pulse),
+            rates: self.settings.navigation.rates(&self.state.navigation),
+            settled: self.settings.navigation.has_settled(&self.state.navigation),
+            cranks: self.of_steered(channels, Q16::default(), |channel| channel.crank),
+            pulses: self.of_steered(channels, PulseUs::NONE, |channel| channel.commanded.pulse()),
             state: self.state(),
-            fault: self.supervisor.fault(),
-            sensor_healthy: self.supervisor.sensor_is_healthy(),
-            field_healthy: self.navigation.field_is_healthy(),
-            missed: self.supervisor.missed(),
+            fault: self.state.supervisor.fault(),
+            sensor_healthy: self.state.supervisor.sensor_is_healthy(),
+            field_healthy: self.state.navigation.field_is_healthy(),
+            missed: self.state.supervisor.missed(),
         }
     }
 
@@ -503,42 +524,45 @@ impl Flight {
     /// What alters the meaning of the samples starts the estimate over, and arming waits for it.
     fn configure(&mut self, change: Change) {
         // Nothing that may change in flight concerns navigation, whose sines would cost a sample.
-        if change != Change::Live && self.navigation.configure(&self.params) {
-            self.supervisor.attitude_lost();
+        if change != Change::Live
+            && self
+                .settings
+                .navigation
+                .configure(&mut self.state.navigation, &self.settings.params)
+        {
+            self.state.supervisor.attitude_lost();
         }
-        if self.params.polarity(self.test_pulse.axis) == Polarity::Watched {
-            self.test_pulse = TestPulse::NONE;
+        if self.settings.params.polarity(self.state.test_pulse.axis) == Polarity::Watched {
+            self.state.test_pulse = TestPulse::NONE;
         }
-        self.launch.configure(&self.params);
-        self.gains.configure(&self.params);
-        self.timing = self.params.timing();
-        self.carried.configure(&self.timing);
-        self.steered = self.params.axes().len();
-        let [pitch, _] = &mut self.channels;
-        pitch.configure(&self.params);
-        // There is time for one of them between two ticks.
-        self.roll_is_due = true;
-        self.supervisor.require_host(self.params.fs_host() == 1.0);
+        self.settings.launch = launch::Settings::new(&self.settings.params);
+        self.settings.gains.configure(&self.settings.params);
+        self.settings.timing = self.settings.params.timing();
+        self.settings.ticks = Ticks::new(&self.settings.timing);
+        self.settings.steered = self.settings.params.axes().len();
+        self.configure_channel(Axis::Pitch);
+        // In flight both in turn: there is time for one of them between two ticks.
+        self.settings.roll_is_due = change == Change::Live && self.settings.steered > 1;
+        if change != Change::Live {
+            self.configure_channel(Axis::Roll);
+        }
+        self.state
+            .supervisor
+            .require_host(self.settings.params.fs_host() == 1.0);
     }
 
     fn health(&self) -> Health {
         let orientation = self.orientation();
         Health {
             valid: orientation.is_rotation(),
-            settled: self.navigation.has_settled(),
-            bias: self.navigation.bias_state(),
-            certain: self.navigation.tilt_is_certain(),
+            settled: self.settings.navigation.has_settled(&self.state.navigation),
+            bias: self.settings.navigation.bias_state(&self.state.navigation),
+            certain: self
+                .settings
+                .navigation
+                .tilt_is_certain(&self.state.navigation),
             cos_tilt_q30: orientation.cos_tilt_q30(),
         }
-    }
-}
-
-/// The channel of an axis.
-fn channel(channels: &mut [Channel; Axis::COUNT], axis: Axis) -> &mut Channel {
-    let [pitch, roll] = channels;
-    match axis {
-        Axis::Pitch => pitch,
-        Axis::Roll => roll,
     }
 }
 

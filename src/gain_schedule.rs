@@ -44,6 +44,7 @@ impl GainSchedule {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tvc_pid::{Controller, Law, Pid};
 
     fn params(changes: &[(&str, f32)]) -> Params {
         let mut params = Params::default();
@@ -70,12 +71,12 @@ mod tests {
 
     /// The law is asked, whose output at rest is the gain times the error.
     fn kp(schedule: &GainSchedule, seconds: f32) -> f32 {
-        let mut pid = tvc_pid::Pid::new(&tvc_pid::Config {
+        let mut pid = Controller::<Q16, Pid<Q16>>::new(&tvc_pid::Config {
             limit: -100.0..=100.0,
             ..tvc_pid::Config::new(0.01)
         })
         .unwrap();
-        pid.set_coefficients(schedule.at(seconds.into()).unwrap());
+        pid.law.set_gains(&schedule.at(seconds.into()).unwrap());
         pid.update(1.0.into(), 0.0.into(), 0.0.into()).into()
     }
 

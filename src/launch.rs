@@ -10,9 +10,9 @@ use tvc_pid::Q16;
 
 use crate::config::{BURNOUT_US, PAD_TILT_SD_DEG};
 use crate::failsafe::State;
-use crate::memory::time;
 use crate::params::Params;
 use crate::sensor::{ACC_COUNTS, GYR_NOISE_DEG_RTS, GYR_OFFSET_SD_DEG_S};
+use crate::words::words;
 
 /// What the acceleration or the time says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub(crate) enum Event {
 
 /// What the parameters say.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Settings {
+pub(crate) struct Settings {
     /// Acceleration along the axis that is a launch, counts of 0.01 m/s2; 0 for none.
     launch: i32,
     /// How long it must last, us.
@@ -41,7 +41,7 @@ struct Settings {
 }
 
 impl Settings {
-    fn new(params: &Params) -> Self {
+    pub(crate) fn new(params: &Params) -> Self {
         let counts = |m_s2: f32| (m_s2 * ACC_COUNTS) as i32;
         let us = |seconds: f32| (seconds * 1.0e6) as u32;
         let settings = Self {
@@ -72,52 +72,41 @@ const FELT_BITS: u32 = 20;
 /// The same in cm/s.
 const FELT_CM_S: f32 = (1 << FELT_BITS) as f32 * 1e-6;
 
-/// Follows the flight from the pad to the end of control.
-#[derive(Clone, Debug)]
-pub(crate) struct Launch {
-    settings: Settings,
-    /// Since when the acceleration has been beyond the threshold that is watched.
-    since: Option<Micros>,
-    /// When the vehicle was released, or its thrust began.
-    released: Option<Micros>,
-    /// The newest sample of the flight.
-    newest: Micros,
-    /// The engine has been seen to burn.
-    has_burned: bool,
-    /// Sum of the acceleration that was felt along the axis, [`FELT_CM_S`] each.
-    felt: i32,
-    /// What is less than one of it, counts times microseconds.
-    felt_rest: i32,
+words! {
+    /// Follows the flight from the pad to the end of control.
+    #[derive(Clone, Debug, Default)]
+    pub(crate) struct Launch {
+        /// Since when the acceleration has been beyond the threshold that is watched.
+        since: Option<Micros>,
+        /// When the vehicle was released, or its thrust began.
+        released: Option<Micros>,
+        /// The newest sample of the flight.
+        newest: Micros,
+        /// The engine has been seen to burn.
+        has_burned: bool,
+        /// Sum of the acceleration that was felt along the axis, [`FELT_CM_S`] each.
+        felt: i32,
+        /// What is less than one of it, counts times microseconds.
+        felt_rest: i32,
+    }
+}
+
+impl Settings {
+    /// Whether the samples matter: whether [`Launch::watch`] is to see them.
+    pub(crate) fn is_needed(&self) -> bool {
+        self.is_needed
+    }
 }
 
 impl Launch {
-    /// Words of its part of [`Flight::memory`](crate::Flight::memory).
-    pub(crate) const MEMORY_WORDS: usize = 9;
-
-    pub(crate) fn new(params: &Params) -> Self {
-        Self {
-            settings: Settings::new(params),
-            since: None,
-            released: None,
-            newest: Micros(0),
-            has_burned: false,
-            felt: 0,
-            felt_rest: 0,
-        }
-    }
-
-    /// Take over changed parameters.
-    pub(crate) fn configure(&mut self, params: &Params) {
-        self.settings = Settings::new(params);
-    }
-
-    /// Whether the samples matter to it: whether it is to [`watch`](Self::watch) them.
-    pub(crate) fn is_needed(&self) -> bool {
-        self.settings.is_needed
-    }
-
     /// Take a sample of this time, with an acceleration from tail to nose in counts of 0.01 m/s2.
-    pub(crate) fn watch(&mut self, at: Micros, acceleration: i32, state: &State) -> Option<Event> {
+    pub(crate) fn watch(
+        &mut self,
+        settings: &Settings,
+        at: Micros,
+        acceleration: i32,
+        state: &State,
+    ) -> Option<Event> {
         let elapsed_us = at.since(self.newest).min(100_000) as i32;
         self.newest = at;
         match state {
@@ -126,7 +115,7 @@ impl Launch {
                 self.forget();
                 let Settings {
                     launch, launch_us, ..
-                } = self.settings;
+                } = *settings;
                 if launch == 0 || acceleration < launch {
                     return None;
                 }
@@ -145,9 +134,10 @@ impl Launch {
                     self.released = Some(self.since.take().unwrap_or(at));
                 }
                 let released = self.released.unwrap_or(at);
-                let burn_us = self.settings.burn_us;
+                let burn_us = settings.burn_us;
                 let is_late = burn_us > 0 && at.since(released) >= burn_us.into();
-                (self.is_burnt_out(at, acceleration) || is_late).then_some(Event::End)
+                (self.is_burnt_out(settings.burnout, at, acceleration) || is_late)
+                    .then_some(Event::End)
             }
             _ => {
                 self.forget();
@@ -158,13 +148,13 @@ impl Launch {
 
     /// Whether the gyroscope alone turns the attitude: in control, and while the thrust lasts that
     /// may be a launch.
-    pub(crate) fn is_free(&self, state: &State) -> bool {
+    pub(crate) fn is_free(&self, settings: &Settings, state: &State) -> bool {
         let flies = match state {
             State::Active { .. } => true,
             State::Armed => self.since.is_some(),
             _ => false,
         };
-        self.settings.is_free && flies
+        settings.is_free && flies
     }
 
     /// Time from release or first thrust to the newest sample, s; 0 before.
@@ -192,24 +182,8 @@ impl Launch {
         root(PAD_TILT_SD_DEG * PAD_TILT_SD_DEG + offset * offset + bent * bent + noise)
     }
 
-    /// See [`Flight::memory`](crate::Flight::memory).
-    pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        // Nothing flies at time 0.
-        let mut known = |at: Option<Micros>| {
-            let at = time(at.unwrap_or_default(), each);
-            (at.0 > 0).then_some(at)
-        };
-        self.since = known(self.since);
-        self.released = known(self.released);
-        self.newest = time(self.newest, each);
-        self.has_burned = each(self.has_burned.into()) != 0;
-        self.felt = each(self.felt);
-        self.felt_rest = each(self.felt_rest);
-    }
-
     /// The acceleration has been too small for an engine that burns, for some time.
-    fn is_burnt_out(&mut self, at: Micros, acceleration: i32) -> bool {
-        let burnout = self.settings.burnout;
+    fn is_burnt_out(&mut self, burnout: i32, at: Micros, acceleration: i32) -> bool {
         if burnout == 0 || acceleration >= burnout {
             self.has_burned |= burnout > 0;
             self.since = None;
@@ -227,13 +201,8 @@ impl Launch {
 
     fn forget(&mut self) {
         *self = Self {
-            settings: self.settings,
             newest: self.newest,
-            since: None,
-            released: None,
-            has_burned: false,
-            felt: 0,
-            felt_rest: 0,
+            ..Self::default()
         };
     }
 }

@@ -37,9 +37,9 @@ mod format;
 mod gain_schedule;
 #[cfg(test)]
 mod golden;
+pub mod guard;
 mod launch;
 pub mod led;
-mod memory;
 pub mod mount;
 pub mod navigation;
 mod numbered;
@@ -54,10 +54,11 @@ pub mod telemetry;
 pub mod ticks;
 pub mod usb;
 pub mod watchdog;
+mod words;
 
 pub use axis::Axis;
 pub use board_status::BoardStatus;
-pub use controller::Controller;
+pub use controller::{Controller, LawState};
 pub use failsafe::{
     BootReport, Command, Crash, Latch, Refusal, SelfCheck, State, StateCode, StateKind,
 };

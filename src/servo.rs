@@ -10,9 +10,9 @@ use tvc_pid::{Q16, Scalar};
 
 use crate::axis::Axis;
 use crate::config::{PULSE_MAX_US, PULSE_MIN_US};
-use crate::memory::fixed;
 use crate::params::{Fitting, Params};
 use crate::store::Loaded;
+use crate::words::words;
 
 /// Width of a servo pulse in microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -32,7 +32,7 @@ pub fn neutral(params: &Params) -> [PulseUs; Axis::COUNT] {
     let axes = params.axes();
     Axis::ALL.map(|axis| {
         if axes.contains(&axis) {
-            Servo::new(params, axis).pulse()
+            Servo::new(params, axis).neutral_pulse()
         } else {
             PulseUs::NONE
         }
@@ -44,12 +44,34 @@ pub fn neutral(params: &Params) -> [PulseUs; Axis::COUNT] {
 /// stays where it was when the chip was reset.
 pub fn first_pulses(params: &Params, stored: Loaded) -> [PulseUs; Axis::COUNT] {
     match stored {
-        Loaded::Corrupt => Axis::ALL.map(|axis| Servo::new(params, axis).pulse()),
+        Loaded::Corrupt => Axis::ALL.map(|axis| Servo::new(params, axis).neutral_pulse()),
         Loaded::Nothing | Loaded::Set { .. } => neutral(params),
     }
 }
 
-/// The map from crank angle to pulse, and the pulse it commanded last.
+words! {
+    /// The pulse that was commanded last.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Commanded {
+        us: Q16,
+    }
+}
+
+impl Commanded {
+    /// A pulse at once, without slew and beyond the command limits: for those who look for them.
+    pub fn now(pulse: PulseUs) -> Self {
+        Self {
+            us: Q16::from_bits(i32::from(pulse.0) << Q16::FRACTION),
+        }
+    }
+
+    /// Rounded to the microsecond, and inside the hard range whatever came before.
+    pub fn pulse(&self) -> PulseUs {
+        rounded(self.us)
+    }
+}
+
+/// The map from crank angle to pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Servo {
     neutral_us: Q16,
@@ -58,11 +80,10 @@ pub struct Servo {
     max_us: Q16,
     /// Largest change in a microsecond, us, times 2^32.
     slew_q32: u32,
-    last_us: Q16,
 }
 
 impl Servo {
-    /// An axis' servo at rest in its centre.
+    /// An axis' servo.
     pub fn new(params: &Params, axis: Axis) -> Self {
         let Fitting {
             centre_us,
@@ -82,60 +103,25 @@ impl Servo {
             min_us: min_us.into(),
             max_us: max_us.into(),
             slew_q32: (params.srv_slew_us_s() * (4_294_967_296.0 / 1.0e6)) as u32,
-            last_us: neutral_us,
         }
     }
 
-    /// Take over changed parameters. The last pulse stays, so that the next one still obeys the
-    /// slew rate.
-    pub fn configure(&mut self, params: &Params, axis: Axis) {
-        *self = Self {
-            last_us: self.last_us,
-            ..Self::new(params, axis)
-        };
-    }
-
-    /// Whether neutral, limits, scale and slew rate are what these parameters make them.
-    pub fn is_as(&self, params: &Params, axis: Axis) -> bool {
-        let expected = Self {
-            last_us: self.last_us,
-            ..Self::new(params, axis)
-        };
-        *self == expected
-    }
-
-    /// See [`Flight::memory`](crate::Flight::memory).
-    pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        self.last_us = fixed(self.last_us, each);
-    }
-
     /// The pulse for a crank angle (rad), `dt_us` after the last one.
-    pub fn command(&mut self, crank: Q16, dt_us: u32) -> PulseUs {
+    pub fn command(&self, last: Commanded, crank: Q16, dt_us: u32) -> Commanded {
         let wanted = self.neutral_us + self.us_per_rad * crank;
         let step = (u64::from(self.slew_q32) * u64::from(dt_us)) >> 16;
         let step = Q16::from_bits(step.min(i32::MAX as u64) as i32);
-        self.last_us = wanted
+        let us = wanted
             .clamped(self.min_us, self.max_us)
-            .clamped(self.last_us - step, self.last_us + step);
-        self.pulse()
+            .clamped(last.us - step, last.us + step);
+        Commanded { us }
     }
 
     /// Neutral rudder at once, without slew: the safe output.
-    pub fn neutral(&mut self) -> PulseUs {
-        self.last_us = self.neutral_us;
-        self.pulse()
-    }
-
-    /// A pulse at once, without slew and beyond the command limits: for those who look for them.
-    pub fn set(&mut self, pulse: PulseUs) -> PulseUs {
-        self.last_us = Q16::from_bits(i32::from(pulse.0) << Q16::FRACTION);
-        self.pulse()
-    }
-
-    /// The pulse commanded last, rounded to the microsecond and inside the hard range whatever came
-    /// before.
-    pub fn pulse(&self) -> PulseUs {
-        rounded(self.last_us)
+    pub fn neutral(&self) -> Commanded {
+        Commanded {
+            us: self.neutral_us,
+        }
     }
 
     /// What [`neutral`] gives for the parameters in use.
@@ -164,12 +150,35 @@ mod tests {
 
     const SECOND_US: u32 = 1_000_000;
 
-    fn servo(changes: &[(&str, f32)]) -> Servo {
+    fn servo(changes: &[(&str, f32)]) -> Running {
         let mut params = Params::default();
         for (name, value) in changes {
             params.set(name, *value).unwrap();
         }
-        Servo::new(&params, Axis::Pitch)
+        Running::new(&params, Axis::Pitch)
+    }
+
+    struct Running {
+        servo: Servo,
+        last: Commanded,
+    }
+
+    impl Running {
+        fn new(params: &Params, axis: Axis) -> Self {
+            let servo = Servo::new(params, axis);
+            let last = servo.neutral();
+            Self { servo, last }
+        }
+
+        fn command(&mut self, crank: Q16, dt_us: u32) -> PulseUs {
+            self.last = self.servo.command(self.last, crank, dt_us);
+            self.last.pulse()
+        }
+
+        fn neutral(&mut self) -> PulseUs {
+            self.last = self.servo.neutral();
+            self.last.pulse()
+        }
     }
 
     #[test]
@@ -197,10 +206,10 @@ mod tests {
         for (hold, expected) in [(-10.0, 1424), (0.0, 1524), (3.0, 1554)] {
             let mut params = Params::default();
             params.set("SRV_HOLD_DEG", hold).unwrap();
-            let mut servo = Servo::new(&params, Axis::Pitch);
+            let mut servo = Running::new(&params, Axis::Pitch);
             servo.command(0.3.into(), SECOND_US);
             assert_eq!(neutral(&params), [PulseUs(expected), PulseUs::NONE]);
-            assert_eq!(servo.neutral_pulse(), PulseUs(expected));
+            assert_eq!(servo.servo.neutral_pulse(), PulseUs(expected));
             assert_eq!(servo.neutral(), PulseUs(expected));
         }
     }
@@ -223,7 +232,7 @@ mod tests {
         assert_eq!(first(Loaded::Nothing), [PulseUs(1524), PulseUs::NONE]);
         assert_eq!(first(Loaded::Corrupt), [PulseUs(1524); 2]);
         let pulse = |axis, crank: f32| {
-            let mut servo = Servo::new(&params, axis);
+            let mut servo = Running::new(&params, axis);
             servo.command(crank.into(), SECOND_US)
         };
         // 0.1 rad are 57.3 us.
@@ -242,14 +251,14 @@ mod tests {
                 ("SRV_MAX_US", 1640.0),
             ]);
             assert!((1400..=1640).contains(&servo.neutral().0));
-            assert!(servo.travel_rad() >= 0.0);
+            assert!(servo.servo.travel_rad() >= 0.0);
         }
     }
 
     #[test]
     fn a_pulse_that_is_tried_passes_the_command_limits_and_no_others() {
-        assert_eq!(servo(&[]).set(PulseUs(900)), PulseUs(900));
-        assert_eq!(servo(&[]).set(PulseUs(500)), PulseUs(853));
+        assert_eq!(Commanded::now(PulseUs(900)).pulse(), PulseUs(900));
+        assert_eq!(Commanded::now(PulseUs(500)).pulse(), PulseUs(853));
     }
 
     #[test]
@@ -288,7 +297,7 @@ mod tests {
 
     #[test]
     fn travel_is_sixty_degrees_by_default() {
-        assert!((servo(&[]).travel_rad() - 60.0_f32.to_radians()).abs() < 1e-5);
+        assert!((servo(&[]).servo.travel_rad() - 60.0_f32.to_radians()).abs() < 1e-5);
     }
 
     proptest! {

@@ -23,8 +23,8 @@ use core::num::NonZeroU32;
 
 use tvc_imu::{Micros, Transfer};
 
-use crate::memory::time;
 use crate::sensor::DESCRIPTION;
+use crate::words::words;
 
 /// From the last moment at which a burst may be over to the edge of its pulse, us: the step, with a
 /// reserve.
@@ -284,60 +284,41 @@ impl TickPlan {
     }
 }
 
-/// Which ticks the pulses carry, by the vehicle's clock: the last one in each frame. The frame is
-/// locked to that clock, so that one of them tells all later ones.
-#[derive(Clone, Debug)]
-pub struct CarriedTicks {
-    /// When one of them came.
-    at: Micros,
-    period_us: u32,
-    per_frame: u8,
-    /// Ticks from the newest to the next that is carried.
-    to_go: u8,
+words! {
+    /// Which ticks the pulses carry, by the vehicle's clock: the last one in each frame. The frame
+    /// is locked to that clock, so that one of them tells all later ones.
+    #[derive(Clone, Debug, Default)]
+    pub struct CarriedTicks {
+        /// When one of them came.
+        at: Micros,
+        /// Ticks from the newest to the next that is carried.
+        to_go: u8,
+    }
 }
 
 impl CarriedTicks {
-    /// For a frame of which nothing is known yet.
-    pub fn new(timing: &Timing) -> Self {
-        let plan = TickPlan::new(timing);
-        Self {
-            at: Micros(0),
-            period_us: plan.period_us(timing.frame_hz),
-            per_frame: plan.ticks_per_frame,
-            to_go: 0,
-        }
-    }
-
-    /// Take over another timing.
-    pub fn configure(&mut self, timing: &Timing) {
-        *self = Self {
-            at: self.at,
-            ..Self::new(timing)
-        };
-    }
-
     /// A tick that is carried came then.
     pub fn seen(&mut self, at: Micros) {
         self.at = at;
     }
 
     /// Whether this tick is carried.
-    pub fn tick(&mut self, at: Micros) -> bool {
+    pub fn tick(&mut self, ticks: &Ticks, at: Micros) -> bool {
         // Division takes the chip as long as all the rest.
-        let since_us = (at.since(self.at) as u32).wrapping_add(self.period_us / 2);
-        let per_frame = u32::from(self.per_frame);
-        let frame_us = per_frame * self.period_us;
+        let since_us = (at.since(self.at) as u32).wrapping_add(ticks.period_us / 2);
+        let per_frame = u32::from(ticks.per_frame);
+        let frame_us = per_frame * ticks.period_us;
         let mut behind_us = if since_us < frame_us {
             since_us
         } else {
             since_us % divisor(frame_us)
         };
-        self.to_go = self.per_frame;
-        while behind_us >= self.period_us {
-            behind_us -= self.period_us;
+        self.to_go = ticks.per_frame;
+        while behind_us >= ticks.period_us {
+            behind_us -= ticks.period_us;
             self.to_go -= 1;
         }
-        let is_carried = self.to_go == self.per_frame;
+        let is_carried = self.to_go == ticks.per_frame;
         if is_carried {
             self.to_go = 0;
         }
@@ -345,16 +326,29 @@ impl CarriedTicks {
     }
 
     /// A tick without a sample, one period after the last: whether it is carried.
-    pub fn missed(&mut self) -> bool {
-        self.to_go = self.to_go.checked_sub(1).unwrap_or(self.per_frame - 1);
+    pub fn missed(&mut self, ticks: &Ticks) -> bool {
+        // Another plan may have fewer.
+        let last = ticks.per_frame - 1;
+        self.to_go = self.to_go.checked_sub(1).unwrap_or(last).min(last);
         self.to_go == 0
     }
+}
 
-    /// See [`Flight::memory`](crate::Flight::memory).
-    pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        self.at = time(self.at, each);
-        let to_go = each(i32::from(self.to_go)) as u32;
-        self.to_go = (to_go % divisor(self.per_frame.into())) as u8;
+/// The ticks of a frame, by the vehicle's clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ticks {
+    period_us: u32,
+    per_frame: u8,
+}
+
+impl Ticks {
+    /// By the parameters' timing.
+    pub fn new(timing: &Timing) -> Self {
+        let plan = TickPlan::new(timing);
+        Self {
+            period_us: plan.period_us(timing.frame_hz),
+            per_frame: plan.ticks_per_frame,
+        }
     }
 }
 

@@ -3,7 +3,9 @@
 
 #![no_std]
 
-use tvc_pid::{Config, Derivative, Gains, Pd, Pid, Q16, Reading, Scalar, Surface, SurfaceConfig};
+use tvc_pid::{
+    Config, Controller, Derivative, Gains, Pd, Pid, Q16, Reading, Scalar, Surface, SurfaceConfig,
+};
 
 /// Time between two updates, s: three in a frame of the servo, as the firmware has them.
 pub const PERIOD_S: f32 = 6_667.0e-6;
@@ -153,7 +155,7 @@ impl<T: Number> Law for Pd<T> {
     }
 }
 
-impl<T: Number> Law for Pid<T> {
+impl<T: Number> Law for Controller<T, Pid<T>> {
     fn new() -> Self {
         Self::new(&pid()).expect("the configuration is valid")
     }
@@ -161,11 +163,11 @@ impl<T: Number> Law for Pid<T> {
     #[inline(always)]
     fn update(&mut self, input: &Input) -> u32 {
         let [setpoint, value, rate] = numbers(input);
-        Pid::update(self, setpoint, value, rate).to_word()
+        Controller::update(self, setpoint, value, rate).to_word()
     }
 }
 
-impl<T: Number> Law for Surface<T> {
+impl<T: Number> Law for Controller<T, Surface<T>> {
     fn new() -> Self {
         Self::new(&surface()).expect("the configuration is valid")
     }
@@ -179,7 +181,7 @@ impl<T: Number> Law for Surface<T> {
             age: (input.is_new != 0).then_some(T::from_word(input.age)),
             value_lead: T::from_word(input.value_lead),
         };
-        Surface::update(self, setpoint, &reading, input.is_sent != 0).to_word()
+        self.read(setpoint, &reading, input.is_sent != 0).to_word()
     }
 }
 

@@ -1,7 +1,8 @@
 //! An angle loop around a rate loop.
 
 use crate::config::{Config, ConfigError, LARGEST, in_range};
-use crate::pid::Pid;
+use crate::law::{Law, Reading};
+use crate::pid::{Coefficients, Pid, PidState};
 use crate::scalar::Scalar;
 
 /// Configuration of a [`Cascade`].
@@ -25,11 +26,31 @@ pub struct Cascade<T> {
 }
 
 impl<T: Scalar> Cascade<T> {
-    /// A cascade at rest.
-    ///
-    /// # Errors
-    /// A parameter out of its range, by name.
-    pub fn new(config: &CascadeConfig) -> Result<Self, ConfigError> {
+    /// As [`Law::update`], with the angular acceleration for a rate loop that has a derivative.
+    pub fn update_with(
+        &self,
+        state: &mut PidState<T>,
+        setpoint: T,
+        reading: &Reading<T>,
+        acceleration: T,
+    ) -> T {
+        let wanted = self.angle_gain * (setpoint - reading.value);
+        let wanted = wanted.clamped(-self.rate_limit, self.rate_limit);
+        let rate = Reading {
+            value: reading.rate,
+            rate: acceleration,
+            ..*reading
+        };
+        self.rate.update(state, wanted, &rate, true)
+    }
+}
+
+/// The state is that of the rate loop.
+impl<T: Scalar> Law<T> for Cascade<T> {
+    type Config = CascadeConfig;
+    type State = PidState<T>;
+
+    fn new(config: &CascadeConfig) -> Result<Self, ConfigError> {
         in_range(config.angle_gain, 0.0, LARGEST, "angle_gain")?;
         in_range(config.rate_limit, 0.0, LARGEST, "rate_limit")?;
         Ok(Self {
@@ -39,45 +60,49 @@ impl<T: Scalar> Cascade<T> {
         })
     }
 
-    /// One sample: angle wanted, angle, its rate and, where the rate loop wants it, the angular
-    /// acceleration.
-    pub fn update(&mut self, setpoint: T, angle: T, rate: T, acceleration: T) -> T {
-        let wanted = self.angle_gain * (setpoint - angle);
-        let wanted = wanted.clamped(-self.rate_limit, self.rate_limit);
-        self.rate.update(wanted, rate, acceleration)
+    fn at_rest(&self) -> PidState<T> {
+        self.rate.at_rest()
     }
 
-    /// Take another configuration without a bump, as [`Pid::set_config`] does.
-    ///
-    /// # Errors
-    /// A parameter out of its range, by name; everything stays as it was.
-    pub fn set_config(&mut self, config: &CascadeConfig) -> Result<(), ConfigError> {
-        let other = Self::new(config)?;
-        self.rate.set_config(&config.rate)?;
-        (self.angle_gain, self.rate_limit) = (other.angle_gain, other.rate_limit);
+    fn update(
+        &self,
+        state: &mut PidState<T>,
+        setpoint: T,
+        reading: &Reading<T>,
+        _is_sent: bool,
+    ) -> T {
+        self.update_with(state, setpoint, reading, T::ZERO)
+    }
+
+    fn reset(&self, state: &mut PidState<T>, _setpoint: T) {
+        self.rate.reset(state, T::ZERO);
+    }
+
+    fn retune(
+        &mut self,
+        state: &mut PidState<T>,
+        config: &CascadeConfig,
+    ) -> Result<(), ConfigError> {
+        let Self {
+            angle_gain,
+            rate_limit,
+            ..
+        } = Self::new(config)?;
+        self.rate.retune(state, &config.rate)?;
+        (self.angle_gain, self.rate_limit) = (angle_gain, rate_limit);
         Ok(())
     }
 
-    /// Start again from rest: no integral, output zero.
-    pub fn reset(&mut self) {
-        self.rate.reset(T::ZERO, T::ZERO, T::ZERO);
-    }
-
-    /// All that the next outputs depend on besides inputs and configuration, as [`Pid::memory`].
-    pub fn memory(&mut self, each: &mut impl FnMut(T) -> T) {
-        self.rate.memory(each);
-    }
-
-    /// The rate loop.
-    pub fn rate_loop(&mut self) -> &mut Pid<T> {
-        &mut self.rate
+    /// Gains of the rate loop.
+    fn set_gains(&mut self, gains: &Coefficients<T>) {
+        self.rate.set_gains(gains);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{AntiWindup, Gains, Q16};
+    use crate::{AntiWindup, Controller, Gains, Q16};
 
     fn config() -> CascadeConfig {
         CascadeConfig {
@@ -98,15 +123,10 @@ mod tests {
 
     /// From 2 rad, against a steady push of 0.1: greatest speed, and where it ends.
     fn fly<T: Scalar>() -> (f64, f64) {
-        let mut cascade = Cascade::<T>::new(&config()).unwrap();
+        let mut cascade = Controller::<T, Cascade<T>>::new(&config()).unwrap();
         let (mut angle, mut rate, mut fastest) = (2.0_f64, 0.0_f64, 0.0_f64);
         for _ in 0..600 {
-            let u = cascade.update(
-                T::ZERO,
-                (angle as f32).into(),
-                (rate as f32).into(),
-                T::ZERO,
-            );
+            let u = cascade.update(T::ZERO, (angle as f32).into(), (rate as f32).into());
             let u: f32 = u.into();
             rate += 31.6 * (f64::from(u) + 0.1) * 0.01;
             angle += rate * 0.01;
@@ -127,13 +147,13 @@ mod tests {
     /// that is refused changes nothing.
     #[test]
     fn takes_another_configuration_and_begins_anew() {
-        let mut cascade = Cascade::<f32>::new(&config()).unwrap();
-        let first = cascade.update(0.0, 0.4, 0.0, 0.0);
+        let mut cascade = Controller::<f32, Cascade<f32>>::new(&config()).unwrap();
+        let first = cascade.update(0.0, 0.4, 0.0);
         for _ in 0..50 {
-            cascade.update(0.0, 0.4, 0.1, 0.0);
+            cascade.update(0.0, 0.4, 0.1);
         }
-        cascade.reset();
-        assert_eq!(cascade.update(0.0, 0.4, 0.0, 0.0), first);
+        cascade.reset(0.0);
+        assert_eq!(cascade.update(0.0, 0.4, 0.0), first);
         let faster = CascadeConfig {
             angle_gain: 2.0,
             rate_limit: 3.0,
@@ -143,15 +163,12 @@ mod tests {
             rate_limit: -1.0,
             ..faster.clone()
         };
-        cascade.reset();
-        assert!(cascade.set_config(&bad).is_err());
-        assert_eq!(cascade.clone().update(0.0, 0.4, 0.0, 0.0), first);
-        cascade.set_config(&faster).unwrap();
-        let mut other = Cascade::<f32>::new(&faster).unwrap();
-        assert_eq!(
-            cascade.update(0.0, 0.4, 0.0, 0.0),
-            other.update(0.0, 0.4, 0.0, 0.0)
-        );
+        cascade.reset(0.0);
+        assert!(cascade.retune(&bad).is_err());
+        assert_eq!(cascade.clone().update(0.0, 0.4, 0.0), first);
+        cascade.retune(&faster).unwrap();
+        let mut other = Controller::<f32, Cascade<f32>>::new(&faster).unwrap();
+        assert_eq!(cascade.update(0.0, 0.4, 0.0), other.update(0.0, 0.4, 0.0));
     }
 
     #[test]
@@ -161,15 +178,15 @@ mod tests {
             ..config()
         };
         assert_eq!(
-            Cascade::<f32>::new(&bad).err(),
+            Controller::<f32, Cascade<f32>>::new(&bad).err(),
             Some(ConfigError::OutOfRange("rate_limit"))
         );
     }
 
     #[test]
     fn its_rate_loop_is_at_hand() {
-        let mut cascade = Cascade::<f32>::new(&config()).unwrap();
-        cascade.update(1.0, 0.0, 0.0, 0.0);
-        assert!(cascade.rate_loop().integral() > 0.0);
+        let mut cascade = Controller::<f32, Cascade<f32>>::new(&config()).unwrap();
+        cascade.update(1.0, 0.0, 0.0);
+        assert!(cascade.state.integral() > 0.0);
     }
 }

@@ -1,7 +1,9 @@
 //! The PID controller.
 
 use crate::config::{AntiWindup, Config, ConfigError, Derivative, LARGEST, PERIOD_S, in_range};
+use crate::law::{Law, Reading};
 use crate::scalar::Scalar;
+use crate::state::state;
 
 /// Gains as the loop uses them, for one sample period. They can be interpolated
 /// ([`crate::Schedule`]).
@@ -116,157 +118,31 @@ impl<T: Scalar> Limits<T> {
     }
 }
 
-/// The inputs of a sample, kept for the bumpless change of gains.
-#[derive(Clone, Copy, Debug, Default)]
-struct Inputs<T> {
-    setpoint: T,
-    measured: T,
-    slope: T,
+state! {
+    /// The inputs of a sample, kept for the bumpless change of gains.
+    struct Inputs {
+        setpoint: T,
+        measured: T,
+        slope: T,
+    }
 }
 
-/// A PID controller with output limits, slew limit and anti-windup. The crate's page has the law.
-#[derive(Clone, Debug)]
-pub struct Pid<T> {
-    coefficients: Coefficients<T>,
-    limits: Limits<T>,
-    /// Setpoint's share in the derivative; `None` where a measured rate gives it.
-    derivative_weight: Option<T>,
-    /// Integral action, in output units: gain included.
-    integral: T,
-    /// Derivative action after its filter, gain included.
-    derivative: T,
-    /// What the derivative takes differences of, in the last sample. Nothing before the first: no
-    /// kick.
-    previous: Option<T>,
-    last: Option<Inputs<T>>,
-    output: T,
+state! {
+    /// What a [`Pid`] remembers.
+    pub struct PidState {
+        /// Integral action, in output units: gain included.
+        integral: T,
+        /// Derivative action after its filter, gain included.
+        derivative: T,
+        output: T,
+        /// What the derivative takes differences of, in the last sample. Nothing before the first:
+        /// no kick.
+        previous: Option<T>,
+        last: Option<Inputs<T>>,
+    }
 }
 
-impl<T: Scalar> Pid<T> {
-    /// A controller at rest: no integral, output zero or the nearest limit.
-    ///
-    /// # Errors
-    /// A parameter out of its range, by name.
-    pub fn new(config: &Config) -> Result<Self, ConfigError> {
-        let limits = Limits::new(config)?;
-        Ok(Self {
-            coefficients: Coefficients::new(config)?,
-            limits,
-            derivative_weight: derivative_weight(config.derivative)?.map(T::from),
-            integral: T::ZERO,
-            derivative: T::ZERO,
-            previous: None,
-            last: None,
-            output: T::ZERO.clamped(limits.low, limits.high),
-        })
-    }
-
-    /// One sample: setpoint, measurement and its rate to output. The rate counts only with
-    /// [`Derivative::Rate`].
-    ///
-    /// Inputs that are not numbers leave everything as it was.
-    #[inline]
-    pub fn update(&mut self, setpoint: T, measured: T, rate: T) -> T {
-        if !(setpoint.is_usable() && measured.is_usable() && rate.is_usable()) {
-            return self.output;
-        }
-        let k = self.coefficients;
-        let slope = self.slope(setpoint, measured, rate);
-        self.last = Some(Inputs {
-            setpoint,
-            measured,
-            slope,
-        });
-        self.derivative = k.decay * self.derivative + k.kd * slope;
-        let immediate = k.proportional(setpoint, measured) + self.derivative;
-
-        let growth = k.ki * (setpoint - measured);
-        let wanted = immediate + self.integral + growth;
-        self.output = self.limits.apply(wanted, self.output);
-        let cut = self.output - wanted;
-        let integral = if k.tracking > T::ZERO {
-            self.integral + growth + k.tracking * cut
-        } else if cut == T::ZERO || (cut > T::ZERO) == (growth > T::ZERO) {
-            // Not limited, or the error leads back from the limit.
-            self.integral + growth
-        } else {
-            self.integral
-        };
-        self.integral = integral.clamped(T::from(-LARGEST), T::from(LARGEST));
-        self.output
-    }
-
-    /// Change the configuration without moving the output: the integral absorbs what the other
-    /// gains would change. Without integral gain nothing absorbs it, and only the slew limit
-    /// softens the change; an integral gain set to zero leaves the integral as it is.
-    ///
-    /// # Errors
-    /// A parameter out of its range, by name; everything stays as it was.
-    pub fn set_config(&mut self, config: &Config) -> Result<(), ConfigError> {
-        let limits = Limits::new(config)?;
-        let weight = derivative_weight(config.derivative)?.map(T::from);
-        let coefficients = Coefficients::new(config)?;
-        self.limits = limits;
-        if self.derivative_weight != weight {
-            self.derivative_weight = weight;
-            self.previous = None;
-            self.last = None;
-            self.derivative = T::ZERO;
-        }
-        if let Some(last) = self.last
-            && coefficients.ki != T::ZERO
-        {
-            let action = |k: &Coefficients<T>| {
-                let derivative = k.decay * self.derivative + k.kd * last.slope;
-                k.proportional(last.setpoint, last.measured) + derivative
-            };
-            self.integral = self.integral + action(&self.coefficients) - action(&coefficients);
-        }
-        self.coefficients = coefficients;
-        Ok(())
-    }
-
-    /// Change the gains to prepared ones, as a schedule does every sample. The integral absorbs
-    /// nothing: a schedule's steps are small, and intended.
-    pub fn set_coefficients(&mut self, coefficients: Coefficients<T>) {
-        self.coefficients = coefficients;
-    }
-
-    /// Start again from a known output, as when control is handed over: with integral action the
-    /// next output is that one, whatever the error then is.
-    pub fn reset(&mut self, output: T, setpoint: T, measured: T) {
-        self.output = output.clamped(self.limits.low, self.limits.high);
-        self.derivative = T::ZERO;
-        self.previous = None;
-        self.last = None;
-        self.integral = if self.coefficients.ki == T::ZERO {
-            T::ZERO
-        } else {
-            self.output - self.coefficients.proportional(setpoint, measured)
-        };
-    }
-
-    /// All that the next outputs depend on besides inputs and configuration, number by number: each
-    /// is shown to `each` and becomes what that returns.
-    #[inline(never)]
-    pub fn memory(&mut self, each: &mut impl FnMut(T) -> T) {
-        self.integral = each(self.integral);
-        self.derivative = each(self.derivative);
-        self.output = each(self.output);
-        let known = |known: bool| if known { T::ONE } else { T::ZERO };
-        let is_known = each(known(self.previous.is_some())) != T::ZERO;
-        let previous = each(self.previous.unwrap_or_default());
-        self.previous = is_known.then_some(previous);
-        let is_known = each(known(self.last.is_some())) != T::ZERO;
-        let last = self.last.unwrap_or_default();
-        let last = Inputs {
-            setpoint: each(last.setpoint),
-            measured: each(last.measured),
-            slope: each(last.slope),
-        };
-        self.last = is_known.then_some(last);
-    }
-
+impl<T: Scalar> PidState<T> {
     /// The last output.
     pub fn output(&self) -> T {
         self.output
@@ -276,15 +152,133 @@ impl<T: Scalar> Pid<T> {
     pub fn integral(&self) -> T {
         self.integral
     }
+}
+
+/// A PID controller with output limits, slew limit and anti-windup. The crate's page has the law.
+#[derive(Clone, Debug)]
+pub struct Pid<T> {
+    coefficients: Coefficients<T>,
+    limits: Limits<T>,
+    /// Setpoint's share in the derivative; `None` where a measured rate gives it.
+    derivative_weight: Option<T>,
+}
+
+impl<T: Scalar> Law<T> for Pid<T> {
+    type Config = Config;
+    type State = PidState<T>;
+
+    fn new(config: &Config) -> Result<Self, ConfigError> {
+        Ok(Self {
+            limits: Limits::new(config)?,
+            coefficients: Coefficients::new(config)?,
+            derivative_weight: derivative_weight(config.derivative)?.map(T::from),
+        })
+    }
+
+    fn at_rest(&self) -> PidState<T> {
+        PidState {
+            output: T::ZERO.clamped(self.limits.low, self.limits.high),
+            ..PidState::default()
+        }
+    }
+
+    /// The rate counts only with [`Derivative::Rate`].
+    #[inline]
+    fn update(
+        &self,
+        state: &mut PidState<T>,
+        setpoint: T,
+        reading: &Reading<T>,
+        _is_sent: bool,
+    ) -> T {
+        let Reading {
+            value: measured,
+            rate,
+            ..
+        } = *reading;
+        if !(setpoint.is_usable() && measured.is_usable() && rate.is_usable()) {
+            return state.output;
+        }
+        let k = &self.coefficients;
+        let slope = self.slope(state, setpoint, measured, rate);
+        state.last = Some(Inputs {
+            setpoint,
+            measured,
+            slope,
+        });
+        state.derivative = k.decay * state.derivative + k.kd * slope;
+        let immediate = k.proportional(setpoint, measured) + state.derivative;
+
+        let growth = k.ki * (setpoint - measured);
+        let wanted = immediate + state.integral + growth;
+        state.output = self.limits.apply(wanted, state.output);
+        let cut = state.output - wanted;
+        let integral = if k.tracking > T::ZERO {
+            state.integral + growth + k.tracking * cut
+        } else if cut == T::ZERO || (cut > T::ZERO) == (growth > T::ZERO) {
+            // Not limited, or the error leads back from the limit.
+            state.integral + growth
+        } else {
+            state.integral
+        };
+        state.integral = integral.clamped(T::from(-LARGEST), T::from(LARGEST));
+        state.output
+    }
+
+    fn reset(&self, state: &mut PidState<T>, setpoint: T) {
+        self.begin(state, T::ZERO, setpoint, setpoint);
+    }
+
+    /// The integral absorbs what the other gains would change. Without integral gain nothing
+    /// absorbs it, and only the slew limit softens the change; an integral gain set to zero leaves
+    /// the integral as it is.
+    fn retune(&mut self, state: &mut PidState<T>, config: &Config) -> Result<(), ConfigError> {
+        let before = core::mem::replace(self, Self::new(config)?);
+        if self.derivative_weight != before.derivative_weight {
+            state.previous = None;
+            state.last = None;
+            state.derivative = T::ZERO;
+        }
+        if let Some(last) = state.last
+            && self.coefficients.ki != T::ZERO
+        {
+            let action = |k: &Coefficients<T>| {
+                let derivative = k.decay * state.derivative + k.kd * last.slope;
+                k.proportional(last.setpoint, last.measured) + derivative
+            };
+            state.integral =
+                state.integral + action(&before.coefficients) - action(&self.coefficients);
+        }
+        Ok(())
+    }
+
+    fn set_gains(&mut self, gains: &Coefficients<T>) {
+        self.coefficients = *gains;
+    }
+}
+
+impl<T: Scalar> Pid<T> {
+    /// Start again from a known output, as when control is handed over: with integral action the
+    /// next output is that one, whatever the error then is.
+    pub fn begin(&self, state: &mut PidState<T>, output: T, setpoint: T, measured: T) {
+        let output = output.clamped(self.limits.low, self.limits.high);
+        *state = PidState {
+            output,
+            ..PidState::default()
+        };
+        if self.coefficients.ki != T::ZERO {
+            state.integral = output - self.coefficients.proportional(setpoint, measured);
+        }
+    }
 
     /// What the derivative gain multiplies, with its sign: a rate, or a difference since the last
     /// sample.
-    fn slope(&mut self, setpoint: T, measured: T, rate: T) -> T {
+    fn slope(&self, state: &mut PidState<T>, setpoint: T, measured: T, rate: T) -> T {
         match self.derivative_weight {
             None => -rate,
             Some(weight) => {
                 let followed = weight * setpoint - measured;
-                let last = self.previous.replace(followed).unwrap_or(followed);
+                let last = state.previous.replace(followed).unwrap_or(followed);
                 followed - last
             }
         }

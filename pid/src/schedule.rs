@@ -107,7 +107,7 @@ impl<T: Scalar, const N: usize> Schedule<T, N> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Gains, Pid, Q16};
+    use crate::{Controller, Gains, Law, Pid, Q16};
 
     fn config(kp: f32, ki: f32) -> Config {
         Config {
@@ -167,8 +167,8 @@ mod tests {
     #[test]
     fn drives_a_controller() {
         let schedule = Schedule::<f32, 3>::new(table()).unwrap();
-        let mut pid = Pid::new(&config(1.0, 0.0)).unwrap();
-        pid.set_coefficients(schedule.at(10.0).unwrap());
+        let mut pid = Controller::<f32, Pid<f32>>::new(&config(1.0, 0.0)).unwrap();
+        pid.law.set_gains(&schedule.at(10.0).unwrap());
         assert!((pid.update(1.0, 0.0, 0.0) - 2.01).abs() < 1e-6);
     }
 

@@ -5,7 +5,9 @@ mod coefficients;
 mod tests;
 
 use crate::config::ConfigError;
+use crate::law::{Law, Reading};
 use crate::scalar::Scalar;
+use crate::state::state;
 use coefficients::Coefficients;
 
 /// Samples that a [`Surface`] looks back: readings and outputs that have not taken effect may be
@@ -58,20 +60,6 @@ pub struct SurfaceConfig {
     pub limit: f32,
 }
 
-/// What a sample tells a [`Surface`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reading<T> {
-    /// The measured value.
-    pub value: T,
-    /// Its measured rate, per s.
-    pub rate: T,
-    /// Age of the rate, sample periods, without the sensor's own lag. `None` for a reading that
-    /// repeats the one before: it says nothing new.
-    pub age: Option<T>,
-    /// By how much the value is younger than the rate, sample periods.
-    pub value_lead: T,
-}
-
 /// Control of a plant `value'' = gain (position + disturbance)` by an actuator that is slow, lags,
 /// has play, and takes a new target only now and then, with readings that are old by the time they
 /// come: as fast as the actuator's speed allows, without overshoot.
@@ -114,34 +102,51 @@ pub struct Reading<T> {
 /// of the output, a plant that is held, and a tether's stop do not wind up the model either: its
 /// rate and value follow the readings.
 ///
-/// The default has no gains: its output is 0 until it is [retuned](Self::retune).
+/// The default has no gains: its output is 0.
 #[derive(Clone, Debug, Default)]
 pub struct Surface<T: Scalar> {
     c: Coefficients<T>,
-    /// The actuator by its model, its speed in output per sample, and the position behind its play.
-    actuator: T,
-    speed: T,
-    position: T,
-    /// What was sent to the actuator last, and its target over the samples that follow each of the
-    /// newest by the output's effect, the newest first.
-    sent: T,
-    targets: [T; HISTORY],
-    /// Output of the last sample, and whether it has been sent.
-    output: T,
-    is_sent: bool,
-    /// Rate and value, and by how much they changed in each of the newest samples, the newest
-    /// first; nothing before the first reading.
-    rate: Track<T>,
-    value: Track<T>,
-    is_known: bool,
-    disturbance: T,
 }
 
-/// A number and its changes in the newest samples, the newest first.
-#[derive(Clone, Copy, Debug, Default)]
-struct Track<T> {
-    now: T,
-    changes: [T; HISTORY],
+state! {
+    /// What a [`Surface`] remembers.
+    pub struct SurfaceState {
+        /// The output of the last sample has been sent.
+        is_sent: bool,
+        /// There has been a reading.
+        is_known: bool,
+        /// The actuator by its model, its speed in output per sample, and the position behind its
+        /// play.
+        actuator: T,
+        speed: T,
+        position: T,
+        /// What was sent to the actuator last.
+        sent: T,
+        /// Output of the last sample.
+        output: T,
+        disturbance: T,
+        /// Targets of the actuator over the samples that follow each of the newest by the output's
+        /// effect, the newest first.
+        targets: [T; HISTORY],
+        rate: Track<T>,
+        value: Track<T>,
+    }
+}
+
+state! {
+    /// A number and its changes in the newest samples, the newest first; nothing before the first
+    /// reading.
+    struct Track {
+        now: T,
+        changes: [T; HISTORY],
+    }
+}
+
+impl<T: Scalar> SurfaceState<T> {
+    /// The estimated disturbance, in units of the output.
+    pub fn disturbance(&self) -> T {
+        self.disturbance
+    }
 }
 
 /// Position of the actuator with the disturbance, and what they do to rate and value over some
@@ -152,148 +157,116 @@ struct Path<T> {
     sums: T,
 }
 
-impl<T: Scalar> Surface<T> {
-    /// A controller whose actuator rests at 0.
-    ///
-    /// # Errors
-    /// A parameter out of its range, by name.
-    pub fn new(config: &SurfaceConfig) -> Result<Self, ConfigError> {
+impl<T: Scalar> Law<T> for Surface<T> {
+    type Config = SurfaceConfig;
+    type State = SurfaceState<T>;
+
+    fn new(config: &SurfaceConfig) -> Result<Self, ConfigError> {
         Ok(Self {
             c: Coefficients::new(config)?,
-            ..Self::default()
         })
     }
 
-    /// Take other parameters without a bump: the model keeps its state.
-    ///
-    /// # Errors
-    /// A parameter out of its range, by name; nothing changes.
-    pub fn retune(&mut self, config: &SurfaceConfig) -> Result<(), ConfigError> {
-        self.c = Coefficients::new(config)?;
-        Ok(())
+    fn at_rest(&self) -> SurfaceState<T> {
+        SurfaceState::default()
     }
 
-    /// One sample: setpoint, reading, and whether its output is sent to the actuator. One that is
-    /// not is an output for the case that the next sample is missing. Inputs that are not numbers
-    /// are taken as no reading.
     // A function of its own, so that it does not cost the caller its registers.
     #[inline(never)]
-    pub fn update(&mut self, setpoint: T, reading: &Reading<T>, is_sent: bool) -> T {
-        self.advance();
+    fn update(
+        &self,
+        state: &mut SurfaceState<T>,
+        setpoint: T,
+        reading: &Reading<T>,
+        is_sent: bool,
+    ) -> T {
+        self.advance(state);
         let error = reading.value - setpoint;
         if error.is_usable() && reading.rate.is_usable() {
-            self.correct(reading);
-            self.output = self.decide(setpoint);
+            self.correct(state, reading);
+            state.output = self.decide(state, setpoint);
         }
-        self.is_sent = is_sent;
-        self.output
+        state.is_sent = is_sent;
+        state.output
     }
 
-    /// A sample without a reading: the output stays.
-    pub fn coast(&mut self, is_sent: bool) {
-        self.advance();
-        self.is_sent = is_sent;
+    fn coast(&self, state: &mut SurfaceState<T>, is_sent: bool) {
+        self.advance(state);
+        state.is_sent = is_sent;
     }
 
-    /// Numbers of [`Surface::memory`].
-    pub const MEMORY: usize = 10 + 3 * HISTORY;
-
-    /// All that the next outputs depend on besides inputs and configuration, number by number: each
-    /// is shown to `each` and becomes what that returns.
-    #[inline(never)]
-    pub fn memory(&mut self, each: &mut impl FnMut(T) -> T) {
-        let mut flag = |set: bool| each(if set { T::ONE } else { T::ZERO }) != T::ZERO;
-        self.is_sent = flag(self.is_sent);
-        self.is_known = flag(self.is_known);
-        let numbers = [
-            &mut self.actuator,
-            &mut self.speed,
-            &mut self.position,
-            &mut self.sent,
-            &mut self.output,
-            &mut self.rate.now,
-            &mut self.value.now,
-            &mut self.disturbance,
-        ];
-        for number in numbers
-            .into_iter()
-            .chain(&mut self.targets)
-            .chain(&mut self.rate.changes)
-            .chain(&mut self.value.changes)
-        {
-            *number = each(*number);
-        }
+    fn reset(&self, state: &mut SurfaceState<T>, _setpoint: T) {
+        *state = SurfaceState::default();
     }
 
-    /// Forget everything, as when the plant is held: the actuator goes to 0.
-    pub fn reset(&mut self) {
-        *self = Self {
-            c: core::mem::take(&mut self.c),
-            ..Self::default()
-        };
+    /// The model keeps its state.
+    fn retune(
+        &mut self,
+        _state: &mut SurfaceState<T>,
+        config: &SurfaceConfig,
+    ) -> Result<(), ConfigError> {
+        *self = Self::new(config)?;
+        Ok(())
     }
+}
 
-    /// The estimated disturbance, in units of the output.
-    pub fn disturbance(&self) -> T {
-        self.disturbance
-    }
-
+impl<T: Scalar> Surface<T> {
     /// The model over the sample that has passed.
-    fn advance(&mut self) {
-        let before = self.sent;
-        if self.is_sent {
-            self.sent = self.output;
+    fn advance(&self, state: &mut SurfaceState<T>) {
+        let before = state.sent;
+        if state.is_sent {
+            state.sent = state.output;
         }
-        let late = (before - self.sent).times(self.c.effect_rest);
-        push(&mut self.targets, self.sent + late);
-        let target = self.target(0);
-        let before = self.position;
+        let late = (before - state.sent).times(self.c.effect_rest);
+        push(&mut state.targets, state.sent + late);
+        let target = self.target(state, 0);
+        let before = state.position;
         self.c
             .sample
-            .turn(target, &mut self.actuator, &mut self.speed);
-        self.position = self.c.within_play(self.position, self.actuator);
-        let mean = before + (self.position - before).half();
-        let change = self.c.rate_step * (mean + self.disturbance);
-        let way = (self.rate.now + change.half()).times(self.c.period);
-        self.rate.turn(change);
-        self.value.turn(way);
+            .turn(target, &mut state.actuator, &mut state.speed);
+        state.position = self.c.within_play(state.position, state.actuator);
+        let mean = before + (state.position - before).half();
+        let change = self.c.rate_step * (mean + state.disturbance);
+        let way = (state.rate.now + change.half()).times(self.c.period);
+        state.rate.turn(change);
+        state.value.turn(way);
     }
 
     /// The actuator's target over the sample `ahead` of the one that has passed: until the newest
     /// of the outputs takes effect, the one before counts.
-    fn target(&self, ahead: u8) -> T {
+    fn target(&self, state: &SurfaceState<T>, ahead: u8) -> T {
         let older = usize::from(self.c.effect).checked_sub(usize::from(ahead));
-        let target = older.and_then(|older| self.targets.get(older));
-        target.copied().unwrap_or(self.sent)
+        let target = older.and_then(|older| state.targets.get(older));
+        target.copied().unwrap_or(state.sent)
     }
 
     /// Rate, value and disturbance follow a reading.
-    fn correct(&mut self, reading: &Reading<T>) {
-        if !self.is_known {
-            return self.begin(reading);
+    fn correct(&self, state: &mut SurfaceState<T>, reading: &Reading<T>) {
+        if !state.is_known {
+            return self.begin(state, reading);
         }
         let Some(age) = reading.age else { return };
         let age = age + self.c.sensor_lag;
-        let innovation = reading.rate - self.rate.past(age);
-        self.rate.now = self.rate.now + innovation.times(self.c.rate_share);
-        self.disturbance = (self.disturbance + innovation.times(self.c.trim))
+        let innovation = reading.rate - state.rate.past(age);
+        state.rate.now = state.rate.now + innovation.times(self.c.rate_share);
+        state.disturbance = (state.disturbance + innovation.times(self.c.trim))
             .clamped(-self.c.trim_limit, self.c.trim_limit);
-        let innovation = reading.value - self.value.past(age - reading.value_lead);
-        self.value.now = self.value.now + innovation.times(self.c.value_share);
+        let innovation = reading.value - state.value.past(age - reading.value_lead);
+        state.value.now = state.value.now + innovation.times(self.c.value_share);
     }
 
     /// The first reading: the rate has been what it is, and the value has followed it.
     #[cold]
-    fn begin(&mut self, reading: &Reading<T>) {
-        self.is_known = true;
+    fn begin(&self, state: &mut SurfaceState<T>, reading: &Reading<T>) {
+        state.is_known = true;
         let way = reading.rate.times(self.c.period);
         let age = reading.age.unwrap_or_default() - reading.value_lead + self.c.sensor_lag;
         let age = age.clamped(T::ZERO, MOST_AGE.into());
-        self.rate = Track {
+        state.rate = Track {
             now: reading.rate,
             changes: [T::ZERO; HISTORY],
         };
-        self.value = Track {
+        state.value = Track {
             now: reading.value + age * way,
             changes: [way; HISTORY],
         };
@@ -301,37 +274,38 @@ impl<T: Scalar> Surface<T> {
 
     /// The actuator's path with what has been sent until the surface is looked at: sample by sample
     /// to the output's effect, and in one step from there, where the target is the same.
-    fn path(&self) -> Path<T> {
+    fn path(&self, state: &SurfaceState<T>) -> Path<T> {
         let c = &self.c;
-        let (mut actuator, mut speed) = (self.actuator, self.speed);
-        let mut position = self.position;
+        let (mut actuator, mut speed) = (state.actuator, state.speed);
+        let mut position = state.position;
         let mut path = Path {
-            position: position + self.disturbance,
+            position: position + state.disturbance,
             sum: T::ZERO,
             sums: T::ZERO,
         };
         for ahead in 1..=c.effect {
-            c.sample.turn(self.target(ahead), &mut actuator, &mut speed);
+            c.sample
+                .turn(self.target(state, ahead), &mut actuator, &mut speed);
             position = c.within_play(position, actuator);
-            let mean = path.turn(position + self.disturbance);
+            let mean = path.turn(position + state.disturbance);
             path.sums = path.sums + path.sum + mean.half();
             path.sum = path.sum + mean;
         }
         speed = c.rest * speed;
-        c.ahead.turn(self.sent, &mut actuator, &mut speed);
+        c.ahead.turn(state.sent, &mut actuator, &mut speed);
         position = c.within_play(position, actuator);
-        let mean = c.rest * path.turn(position + self.disturbance);
+        let mean = c.rest * path.turn(position + state.disturbance);
         path.sums = path.sums + c.rest * (path.sum + mean.half());
         path.sum = path.sum + mean;
         path
     }
 
-    fn decide(&self, setpoint: T) -> T {
+    fn decide(&self, state: &SurfaceState<T>, setpoint: T) -> T {
         let c = &self.c;
-        let path = self.path();
-        let rate = self.rate.now + c.rate_step * path.sum;
+        let path = self.path(state);
+        let rate = state.rate.now + c.rate_step * path.sum;
         let pushed = (c.rate_step * path.sums).times(c.period);
-        let value = self.value.now - setpoint + self.rate.now.times(c.horizon) + pushed;
+        let value = state.value.now - setpoint + state.rate.now.times(c.horizon) + pushed;
 
         let away = path.position;
         let size = if away < T::ZERO { -away } else { away };
@@ -341,7 +315,7 @@ impl<T: Scalar> Surface<T> {
         let x = value + time_s * (rate + back.times(c.way_share));
         let deviation = rate + back + c.surface(x);
         let lead = (c.gain * deviation).clamped(-c.lead_limit, c.lead_limit);
-        (away - self.disturbance - lead).clamped(-c.limit, c.limit)
+        (away - state.disturbance - lead).clamped(-c.limit, c.limit)
     }
 }
 

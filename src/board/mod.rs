@@ -49,13 +49,14 @@ use tvc_imu::{Bursts, Micros, Transfer};
 use tvc_nano::application::{self, Event, StepEnd};
 use tvc_nano::bringup::Order;
 use tvc_nano::failsafe::BootReport;
+use tvc_nano::guard::Sum;
 use tvc_nano::params::Params;
 use tvc_nano::servo::first_pulses;
 use tvc_nano::sleep::Load;
 use tvc_nano::store::{self, BoardId};
 use tvc_nano::telemetry::Reset;
 use tvc_nano::ticks::{BurstGauge, NewestTick};
-use tvc_nano::{BoardStatus, Flight, SelfCheck};
+use tvc_nano::{BoardStatus, SelfCheck};
 
 use clock_check::ClockCheck;
 use image_check::ImageCheck;
@@ -268,6 +269,12 @@ impl Board {
     }
 }
 
+impl Sum for Board {
+    fn sum<T>(&self, value: &T) -> u32 {
+        memory_sum::of(value)
+    }
+}
+
 impl application::Board for Board {
     type Flash = flash::Flash;
 
@@ -361,12 +368,6 @@ impl application::Board for Board {
 
     fn reset_soon(&mut self, now: Micros, reset: Reset) {
         self.port.reset_soon(now, reset);
-    }
-
-    fn sum(&self, flight: &Flight) -> u32 {
-        let mut sum = memory_sum::MemorySum::default();
-        flight.show(&mut sum);
-        sum.value()
     }
 
     fn stop(&mut self, check: SelfCheck) {

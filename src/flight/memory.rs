@@ -5,48 +5,69 @@ use tvc_imu::RawSample;
 
 use super::Flight;
 use crate::axis::Axis;
-use crate::channel::Channel;
+use crate::channel::ChannelState;
+use crate::failsafe::Supervisor;
 use crate::launch::Launch;
+use crate::navigation;
+use crate::ticks::CarriedTicks;
+use crate::words::Words;
 
 impl Flight {
-    /// Words of [`Flight::memory`].
-    pub const MEMORY_WORDS: usize = tvc_fusion::fixed::State::WORDS
-        + 14
-        + Launch::MEMORY_WORDS
-        + Axis::COUNT * Channel::MEMORY_WORDS;
+    /// Words that are [told](Flight::tell).
+    pub const WORDS: usize = 1
+        + CarriedTicks::WORDS
+        + navigation::State::WORDS
+        + Launch::WORDS
+        + Axis::COUNT * ChannelState::WORDS
+        + Supervisor::WORDS;
 
-    /// All that the next steps depend on besides parameters, samples and commands, word by word:
-    /// each is shown to `each` and becomes what that returns. The first is a digest of the
-    /// parameters, which stay. It is whole after a step with a sample, [past
+    /// Shows all that the next steps depend on besides parameters, samples and orders, word by
+    /// word. The first is a digest of the parameters. It is whole after a step with a sample, [past
     /// start-up](crate::State::is_past_start_up), but for a test pulse.
-    pub fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        each(self.params.digest());
-        self.carried.memory(each);
-        self.supervisor.memory(each);
-        self.navigation.memory(each);
-        self.launch.memory(each);
-        for channel in &mut self.channels {
-            channel.memory(each);
+    pub fn tell(&self, each: &mut impl FnMut(i32)) {
+        each(self.settings.params.digest());
+        self.state.carried.tell(each);
+        self.state.navigation.tell(each);
+        self.state.launch.tell(each);
+        for channel in &self.state.channels {
+            channel.tell(each);
+        }
+        self.state.supervisor.tell(each);
+    }
+
+    /// Take over which ticks the pulses carry from the words that another flight
+    /// [told](Flight::tell): samples do not tell it.
+    pub fn follow_frames(&mut self, words: &[i32]) {
+        if words.len() == Self::WORDS {
+            self.state.carried = Words::told(&mut following(words));
         }
     }
 
-    /// Take over which ticks the pulses carry from another flight's [memory](Flight::memory):
-    /// samples do not tell it.
-    pub fn follow_frames(&mut self, words: &[i32]) {
-        let mut rest = words.iter().skip(1);
-        self.carried
-            .memory(&mut |word| rest.next().copied().unwrap_or(word));
-    }
-
-    /// Go on from the [memory](Flight::memory) of another flight after a step with this sample.
+    /// Go on from the words that another flight [told](Flight::tell) after a step with this sample.
     /// Says whether the next steps give the same bits as there: whether the parameters are the
     /// same.
     pub fn resume(&mut self, sample: &RawSample, words: &[i32]) -> bool {
-        let mut rest = words.iter();
-        self.memory(&mut |word| rest.next().copied().unwrap_or(word));
-        self.navigation.resume(sample);
+        if words.len() != Self::WORDS {
+            return false;
+        }
+        let next = &mut following(words);
+        self.state.carried = Words::told(next);
+        let Self { settings, state } = self;
+        settings
+            .navigation
+            .resume(&mut state.navigation, sample, next);
+        state.launch = Words::told(next);
+        for channel in &mut state.channels {
+            channel.resume(next);
+        }
         let health = self.health();
-        self.supervisor.resume(sample.time, health);
-        words.first() == Some(&self.params.digest())
+        self.state.supervisor.resume(sample.time, health, next);
+        words.first() == Some(&self.settings.params.digest())
     }
+}
+
+/// The words behind the digest, one by one.
+fn following(words: &[i32]) -> impl FnMut() -> i32 {
+    let mut rest = words.iter().skip(1);
+    move || rest.next().copied().unwrap_or(0)
 }

@@ -45,8 +45,8 @@ impl Flight {
     /// The [`Refusal`]; nothing changes.
     pub fn command(&mut self, now: Micros, command: Command) -> Result<(), Refusal> {
         self.permit(command)?;
-        self.supervisor.command(now, command)?;
-        self.test_pulse = match command {
+        self.state.supervisor.command(now, command)?;
+        self.state.test_pulse = match command {
             Command::TestPulse(axis, pulse) => TestPulse {
                 axis,
                 pulse,
@@ -63,27 +63,29 @@ impl Flight {
     /// The [`Refusal`].
     pub fn may(&self, now: Micros, command: Command) -> Result<(), Refusal> {
         self.permit(command)?;
-        self.supervisor.may(now, command)
+        self.state.supervisor.may(now, command)
     }
 
     /// What the parameters say about a command.
     fn permit(&self, command: Command) -> Result<(), Refusal> {
-        let timing = &self.timing;
-        let mut axes = self.params.axes().iter();
+        let timing = &self.settings.timing;
+        let mut axes = self.settings.params.axes().iter();
         match (command, self.state()) {
             (Command::Arm, state) if state.is_idle() && timing.is_too_slow() => {
                 Err(Refusal::SlowBus(timing.burst_us()))
             }
-            (Command::Arm, State::Standby) if !self.gains.is_possible() => Err(Refusal::Schedule),
+            (Command::Arm, State::Standby) if !self.settings.gains.is_possible() => {
+                Err(Refusal::Schedule)
+            }
             (Command::Arm, State::Standby)
-                if axes.any(|axis| self.params.polarity(*axis) != Polarity::Checked) =>
+                if axes.any(|axis| self.settings.params.polarity(*axis) != Polarity::Checked) =>
             {
                 Err(Refusal::Polarity)
             }
             (Command::TestPulse(axis, _), state) if state.is_idle() => {
                 if !axes.any(|steered| *steered == axis) {
                     Err(Refusal::NotSteered)
-                } else if self.params.polarity(axis) == Polarity::Watched {
+                } else if self.settings.params.polarity(axis) == Polarity::Watched {
                     Err(Refusal::RudderAnswers)
                 } else {
                     Ok(())
@@ -97,10 +99,10 @@ impl Flight {
     /// looks at the polarity by a host that is heard; a test pulse where nobody needs the rudder;
     /// nobody else.
     pub(super) fn rudder(&self, now: Micros, axis: Axis) -> Rudder {
-        let test = self.test_pulse;
-        match (self.state(), self.params.polarity(axis)) {
+        let test = self.state.test_pulse;
+        match (self.state(), self.settings.params.polarity(axis)) {
             (State::Active { .. }, _) => Rudder::Controlled,
-            (State::Standby, Polarity::Watched) if self.supervisor.host_is_heard(now) => {
+            (State::Standby, Polarity::Watched) if self.state.supervisor.host_is_heard(now) => {
                 Rudder::Controlled
             }
             (state, _) if state.is_idle() && axis == test.axis && now < test.until => {

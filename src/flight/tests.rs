@@ -435,7 +435,7 @@ proptest! {
                     && (params.polarity(axis) == Polarity::Watched
                         || desk.now_us <= tested_until[axis.index()]);
                 if !snapshot.state.is_active() && !set_up {
-                    prop_assert_eq!(pulse, Servo::new(params, axis).neutral());
+                    prop_assert_eq!(pulse, Servo::new(params, axis).neutral_pulse());
                 }
             }
             let q = snapshot.orientation.quaternion();
@@ -460,49 +460,6 @@ fn the_gyros_offset_is_taken_off_when_the_drone_may_be_armed() {
         "{attitude:?}"
     );
     assert!(attitude.rate[1].abs() < 1e-3, "{attitude:?}");
-}
-
-impl Flight {
-    /// Has memory make another value of a parameter, as a flipped bit does.
-    pub(crate) fn corrupt(&mut self, name: &str, value: f32) {
-        self.params.set(name, value).unwrap();
-    }
-}
-
-/// Whatever is set or learned between the flip and the next look at the settings.
-#[test]
-fn a_parameter_that_memory_has_changed_is_noticed_whatever_is_set_after_it() {
-    let mut flight = Desk::in_standby(0.0).flight;
-    assert!(flight.settings_are_intact());
-    flight.corrupt("PID_KP", 0.5);
-    assert!(!flight.settings_are_intact());
-    flight.set_param("PID_KD", 0.1).unwrap();
-    assert!(!flight.settings_are_intact());
-    let board = BoardStatus {
-        clock_fine: Some(300),
-        ..BoardStatus::default()
-    };
-    assert_eq!(flight.learn(&board), Some(Params::CLOCK));
-    assert!(!flight.settings_are_intact());
-    // None of what has been changed is left.
-    flight.replace_params(Params::default()).unwrap();
-    assert!(flight.settings_are_intact());
-}
-
-#[test]
-fn neutral_and_limits_that_memory_has_changed_are_noticed() {
-    for (name, value) in [
-        ("SRV_CENTRE_US", 1530.0),
-        ("SRV_MAX_US", 2000.0),
-        ("SRV_US_PER_DEG", 11.0),
-        ("SRV_HOLD_DEG", 1.0),
-    ] {
-        let mut flight = Desk::in_standby(0.0).flight;
-        let mut params = flight.params.clone();
-        params.set(name, value).unwrap();
-        flight.channels[0].configure(&params);
-        assert!(!flight.settings_are_intact(), "{name}");
-    }
 }
 
 /// A flipped bit of a burst's start: it would be newer than all that come after it.

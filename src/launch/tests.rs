@@ -2,7 +2,7 @@ use super::*;
 use std::vec::Vec;
 
 /// A launch by 15 m/s2 for 0.1 s, a burnout below 5 m/s2, and the end after 3 s.
-fn launch(changes: &[(&str, f32)]) -> Launch {
+fn launch(changes: &[(&str, f32)]) -> Watcher {
     let mut params = Params::default();
     let given = [
         ("LAUNCH_ACC", 15.0),
@@ -14,7 +14,25 @@ fn launch(changes: &[(&str, f32)]) -> Launch {
     for (name, value) in given.iter().chain(changes) {
         params.set(name, *value).unwrap();
     }
-    Launch::new(&params)
+    Watcher {
+        settings: Settings::new(&params),
+        launch: Launch::default(),
+    }
+}
+
+struct Watcher {
+    settings: Settings,
+    launch: Launch,
+}
+
+impl Watcher {
+    fn watch(&mut self, at: Micros, acceleration: i32, state: &State) -> Option<Event> {
+        self.launch.watch(&self.settings, at, acceleration, state)
+    }
+
+    fn is_free(&self, state: &State) -> bool {
+        self.launch.is_free(&self.settings, state)
+    }
 }
 
 const ACTIVE: State = State::Active {
@@ -22,7 +40,7 @@ const ACTIVE: State = State::Active {
 };
 
 /// Takes samples every 10 ms from a time (ms) on, as a vehicle that obeys; what happened, and when.
-fn fly(launch: &mut Launch, from_ms: u64, accelerations: &[(usize, i32)]) -> Vec<(u64, Event)> {
+fn fly(launch: &mut Watcher, from_ms: u64, accelerations: &[(usize, i32)]) -> Vec<(u64, Event)> {
     let mut state = State::Armed;
     let mut events = Vec::new();
     let counts = accelerations
@@ -74,7 +92,7 @@ fn nothing_happens_where_no_parameter_asks_for_it() {
         ("BURN_S", 0.0),
         ("FUSE_ACC", 1.0),
     ]);
-    assert!(!launch.is_needed());
+    assert!(!launch.settings.is_needed());
     assert_eq!(fly(&mut launch, 0, &[(300, 4_000), (300, 0)]), []);
     assert!(!launch.is_free(&ACTIVE));
 }
@@ -92,14 +110,14 @@ fn an_engine_that_never_burned_has_no_burnout() {
 fn the_time_counts_from_the_release() {
     let mut launch = launch(&[("LAUNCH_ACC", 0.0)]);
     launch.watch(Micros(1_000_000), 981, &State::Armed);
-    assert_eq!(launch.seconds(), Q16::from(0.0));
+    assert_eq!(launch.launch.seconds(), Q16::from(0.0));
     for at_ms in [1_010, 1_020, 2_510] {
         launch.watch(Micros(1_000 * at_ms), 2_500, &ACTIVE);
     }
-    let seconds = f32::from(launch.seconds());
+    let seconds = f32::from(launch.launch.seconds());
     assert!((seconds - 1.5).abs() < 1e-4, "{seconds}");
     launch.watch(Micros(3_000_000), 0, &State::Standby);
-    assert_eq!(launch.seconds(), Q16::from(0.0));
+    assert_eq!(launch.launch.seconds(), Q16::from(0.0));
 }
 
 #[test]
@@ -122,9 +140,9 @@ fn the_tilt_is_the_less_certain_the_longer_and_harder_the_flight() {
     for index in 2..2_002 {
         launch.watch(Micros(10_000 * index), 1_961, &ACTIVE);
     }
-    let sd_deg = launch.tilt_sd_deg(0.1);
+    let sd_deg = launch.launch.tilt_sd_deg(0.1);
     assert!((sd_deg - 4.02).abs() < 0.02, "{sd_deg}");
-    let steady = launch.tilt_sd_deg(0.0);
+    let steady = launch.launch.tilt_sd_deg(0.0);
     let expected = (0.09_f32 + 0.04 + 0.014 * 0.014 * 20.0).sqrt();
     assert!((steady - expected).abs() < 1e-3, "{steady} {expected}");
 }

@@ -17,7 +17,7 @@ pub const PART_WORDS: usize = 21;
 
 /// All words: first the time of the step that they follow, us, as SERVO_OUTPUT_RAW has it, last
 /// what is known of the sensor's refresh.
-pub const WORDS: usize = 1 + Flight::MEMORY_WORDS + Refresh::WORDS;
+pub const WORDS: usize = 1 + Flight::WORDS + Refresh::WORDS;
 
 /// The message's own fields: its type, and an address that means everybody.
 const HEAD: usize = 5;
@@ -46,7 +46,7 @@ impl Telemetry {
     /// it.
     // Inlined it would cost the loop its registers.
     #[inline(never)]
-    pub fn tell_memory(&mut self, snapshot: &Snapshot, flight: &mut Flight, refresh: &Refresh) {
+    pub fn tell_memory(&mut self, snapshot: &Snapshot, flight: &Flight, refresh: &Refresh) {
         let is_whole = snapshot.sample.is_some() && snapshot.state.is_past_start_up();
         if !(self.memory_due && is_whole && self.queue.has_room(FRAMES, Priority::Stream)) {
             return;
@@ -54,10 +54,7 @@ impl Telemetry {
         self.memory_due = false;
         let mut part = Part::new(0);
         self.tell_word(&mut part, snapshot.now.0 as i32);
-        flight.memory(&mut |word| {
-            self.tell_word(&mut part, word);
-            word
-        });
+        flight.tell(&mut |word| self.tell_word(&mut part, word));
         for word in refresh.words() {
             self.tell_word(&mut part, *word as i32);
         }

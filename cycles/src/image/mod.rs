@@ -74,10 +74,10 @@ subject! {
     "vqf-rs-9d": vqf_rs::Filter<true>,
     "law-pd": tvc_pid::Control<::tvc_pid::Pd<f32>>,
     "law-fixed-pd": tvc_pid::Control<::tvc_pid::Pd<::tvc_pid::Q16>>,
-    "law-pid": tvc_pid::Control<::tvc_pid::Pid<f32>>,
-    "law-fixed-pid": tvc_pid::Control<::tvc_pid::Pid<::tvc_pid::Q16>>,
-    "law-surface": tvc_pid::Control<::tvc_pid::Surface<f32>>,
-    "law-fixed-surface": tvc_pid::Control<::tvc_pid::Surface<::tvc_pid::Q16>>,
+    "law-pid": tvc_pid::Control<::tvc_pid::Controller<f32, ::tvc_pid::Pid<f32>>>,
+    "law-fixed-pid": tvc_pid::Control<::tvc_pid::Controller<::tvc_pid::Q16, ::tvc_pid::Pid<::tvc_pid::Q16>>>,
+    "law-surface": tvc_pid::Control<::tvc_pid::Controller<f32, ::tvc_pid::Surface<f32>>>,
+    "law-fixed-surface": tvc_pid::Control<::tvc_pid::Controller<::tvc_pid::Q16, ::tvc_pid::Surface<::tvc_pid::Q16>>>,
 }
 
 type Input = <Measured as Subject>::Input;

@@ -7,7 +7,8 @@ use anyhow::{Context, Result};
 use nalgebra::{UnitQuaternion, Vector3};
 use rig::bench::{Rocket, RocketConfig, SHAFT_PER_GIMBAL};
 use rig::rocket::{Airframe, Design, ROWS_S};
-use tvc_pid::{Config, Gains, Pid, Schedule};
+use tvc_pid::Law as _;
+use tvc_pid::{Config, Controller, Gains, Pid, Schedule};
 
 /// Period of the control, s, and steps of the physics to one.
 const PERIOD_S: f64 = 1.0 / 150.0;
@@ -63,7 +64,7 @@ pub fn fly(on_pad: &RocketConfig, airframe: Airframe, law: Law, effect: f64) -> 
             (design.gains(&table, 0.0), schedule)
         }
     };
-    let law = || Pid::<f32>::new(&config(first)).ok();
+    let law = || Controller::<f32, Pid<f32>>::new(&config(first)).ok();
     let mut laws = [law().context("gains")?, law().context("gains")?];
     let dt_s = PERIOD_S / f64::from(STEPS);
     // What the actuators are sent to over the next steps, the nearest first.
@@ -85,7 +86,7 @@ pub fn fly(on_pad: &RocketConfig, airframe: Airframe, law: Law, effect: f64) -> 
         }
         let [roll_rate, pitch_rate, _] = rocket.ascent().rates_rad_s();
         if let Some(gains) = schedule.at(now_s as f32) {
-            laws.iter_mut().for_each(|law| law.set_coefficients(gains));
+            laws.iter_mut().for_each(|law| law.law.set_gains(&gains));
         }
         let inputs = tilt.into_iter().zip([pitch_rate, roll_rate]);
         for ((law, (angle, rate)), output) in laws.iter_mut().zip(inputs).zip(&mut output) {

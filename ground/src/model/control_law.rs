@@ -6,7 +6,7 @@ use anyhow::Result;
 use plant::pitch_loop::{COMMAND_LIMIT_RAD, Measurement, Timing};
 use plant::{Parameters, ServoModel, Setup};
 use tvc_nano::controller::Sample;
-use tvc_nano::{Axis, Controller, Micros, Params, RawSample, Refresh};
+use tvc_nano::{Axis, Controller, LawState, Micros, Params, RawSample, Refresh};
 
 use crate::input;
 use crate::out::exit::BadInput;
@@ -16,6 +16,7 @@ use rig::ServoKind;
 /// The image's controller with the linkage of a drone.
 pub struct Law {
     controller: Controller,
+    state: LawState,
     zero_rad: f64,
     timing: Timing,
     refresh: Refresh,
@@ -35,8 +36,10 @@ impl Law {
         });
         let ticks = (WATCHED_S / control_s) as u32;
         let begun_s = first_s - f64::from(ticks) * control_s;
+        let (controller, state) = Controller::new(params, Axis::Pitch, COMMAND_LIMIT_RAD as f32);
         let mut law = Self {
-            controller: Controller::new(params, Axis::Pitch, COMMAND_LIMIT_RAD as f32),
+            controller,
+            state,
             zero_rad: drone.linkage().zero_rudder_crank_rad(),
             timing: *timing,
             refresh: Refresh::default(),
@@ -74,13 +77,14 @@ impl Law {
             rate_rad_s,
         } = measurement;
         let reading = self.watch(time_s);
-        let crank = self.controller.update(&Sample {
+        let sample = Sample {
             angle: (pitch_rad as f32).into(),
             rate: (rate_rad_s as f32).into(),
             rate_age_us: reading.rates.map(|rates| rates.age_us),
             refresh_us: reading.refresh_us,
             is_carried: self.is_carried(time_s),
-        });
+        };
+        let crank = self.controller.update(&mut self.state, &sample, None);
         self.zero_rad + f64::from(f32::from(crank))
     }
 

@@ -1,7 +1,8 @@
 //! The switching surface against a plant, by hand, and under any input.
 
 use super::*;
-use crate::Q16;
+use crate::State;
+use crate::{Controller, Q16};
 use proptest::prelude::*;
 use std::vec::Vec;
 
@@ -39,7 +40,7 @@ fn config() -> SurfaceConfig {
 fn fly<T: Scalar>(config: &SurfaceConfig, start: f64, push: f64) -> Vec<f64> {
     const FINE: i32 = 100;
     let dt = PERIOD / f64::from(FINE);
-    let mut law = Surface::<T>::new(config).unwrap();
+    let mut law = Controller::<T, Surface<T>>::new(config).unwrap();
     let (mut value, mut rate, mut actuator, mut speed) = (start, 0.0_f64, 0.0_f64, 0.0_f64);
     let (mut target, mut sent, mut wait) = (0.0_f64, 0.0, i32::MAX);
     (0..SAMPLES)
@@ -51,7 +52,7 @@ fn fly<T: Scalar>(config: &SurfaceConfig, start: f64, push: f64) -> Vec<f64> {
                 age: Some(T::ZERO),
                 value_lead: T::ZERO,
             };
-            let output: f32 = law.update(T::ZERO, &reading, is_sent).into();
+            let output: f32 = law.read(T::ZERO, &reading, is_sent).into();
             if is_sent {
                 (sent, wait) = (f64::from(output), (8.0e-3 / dt) as i32);
             }
@@ -131,19 +132,22 @@ fn the_surface_is_where_the_actuator_is_back_at_zero() {
         limit: 100.0,
         ..config()
     };
-    let mut law = Surface::<f32>::new(&config).unwrap();
-    law.correct(&Reading {
-        value: 0.3,
-        rate: -1.0,
-        age: None,
-        value_lead: 0.0,
-    });
-    (law.actuator, law.position) = (0.5, 0.5);
-    (law.sent, law.targets) = (0.5, [0.5; HISTORY]);
+    let mut law = Controller::<f32, Surface<f32>>::new(&config).unwrap();
+    law.law.correct(
+        &mut law.state,
+        &Reading {
+            value: 0.3,
+            rate: -1.0,
+            age: None,
+            value_lead: 0.0,
+        },
+    );
+    (law.state.actuator, law.state.position) = (0.5, 0.5);
+    (law.state.sent, law.state.targets) = (0.5, [0.5; HISTORY]);
     let x = 0.3 - 0.1 + 31.6 * 0.125 / 75.0;
     let rate = -1.0 + 31.6 * 0.25 / 10.0;
     let expected = 0.5 - (rate + x);
-    assert!((law.decide(0.0) - expected).abs() < 1e-5);
+    assert!((law.law.decide(&law.state, 0.0) - expected).abs() < 1e-5);
 }
 
 #[test]
@@ -186,45 +190,51 @@ fn the_least_of_line_and_curve_counts() {
 /// A target sent with sample k counts from 1.2 samples later on.
 #[test]
 fn a_target_takes_effect_between_two_samples() {
-    let mut law = Surface::<f32>::new(&config()).unwrap();
-    law.is_sent = true;
+    let mut law = Controller::<f32, Surface<f32>>::new(&config()).unwrap();
+    law.state.is_sent = true;
     for output in [1.0, 2.0, 3.0, 4.0] {
-        law.output = output;
-        law.advance();
+        law.state.output = output;
+        law.law.advance(&mut law.state);
     }
-    assert!((law.target(0) - (3.0 - 0.2)).abs() < 1e-5);
-    assert!((law.target(1) - (4.0 - 0.2)).abs() < 1e-5);
-    assert_eq!(law.target(2), 4.0);
+    assert!((law.law.target(&law.state, 0) - (3.0 - 0.2)).abs() < 1e-5);
+    assert!((law.law.target(&law.state, 1) - (4.0 - 0.2)).abs() < 1e-5);
+    assert_eq!(law.law.target(&law.state, 2), 4.0);
 }
 
 /// The reading is a sample and a half old and says what the model had then: nothing changes.
 #[test]
 fn an_old_reading_is_compared_with_the_past() {
-    let mut law = Surface::<f32>::new(&config()).unwrap();
-    law.is_known = true;
-    law.rate = Track {
+    let mut law = Controller::<f32, Surface<f32>>::new(&config()).unwrap();
+    law.state.is_known = true;
+    law.state.rate = Track {
         now: 0.4,
         changes: [0.1; HISTORY],
     };
-    law.correct(&Reading {
-        value: 0.0,
-        rate: 0.25,
-        age: Some(1.5),
-        value_lead: 0.0,
-    });
-    assert!((law.rate.now - 0.4).abs() < 1e-6);
-    law.correct(&Reading {
-        value: 0.0,
-        rate: 0.35,
-        age: Some(1.5),
-        value_lead: 0.0,
-    });
-    assert!((law.rate.now - 0.49).abs() < 1e-6);
+    law.law.correct(
+        &mut law.state,
+        &Reading {
+            value: 0.0,
+            rate: 0.25,
+            age: Some(1.5),
+            value_lead: 0.0,
+        },
+    );
+    assert!((law.state.rate.now - 0.4).abs() < 1e-6);
+    law.law.correct(
+        &mut law.state,
+        &Reading {
+            value: 0.0,
+            rate: 0.35,
+            age: Some(1.5),
+            value_lead: 0.0,
+        },
+    );
+    assert!((law.state.rate.now - 0.49).abs() < 1e-6);
 }
 
 #[test]
 fn what_it_remembers_makes_another_go_on_alike() {
-    let mut law = Surface::<Q16>::new(&config()).unwrap();
+    let mut law = Controller::<Q16, Surface<Q16>>::new(&config()).unwrap();
     let reading = |step: u8| Reading {
         value: Q16::from_bits(i32::from(step) * 700),
         rate: Q16::from_bits(i32::from(step) * 900),
@@ -232,29 +242,29 @@ fn what_it_remembers_makes_another_go_on_alike() {
         value_lead: Q16::ZERO,
     };
     for step in 0..20 {
-        law.update(Q16::ZERO, &reading(step), step.is_multiple_of(3));
+        law.read(Q16::ZERO, &reading(step), step.is_multiple_of(3));
     }
     let mut words = Vec::new();
-    law.memory(&mut |word| {
-        words.push(word);
-        word
-    });
-    assert_eq!(words.len(), Surface::<Q16>::MEMORY);
-    let mut other = Surface::<Q16>::new(&config()).unwrap();
+    law.state.tell(&mut |word| words.push(word));
+    assert_eq!(words.len(), SurfaceState::<Q16>::NUMBERS);
     let mut rest = words.into_iter();
-    other.memory(&mut |_| rest.next().unwrap());
+    let mut other = Controller {
+        law: law.law.clone(),
+        state: SurfaceState::told(&mut || rest.next().unwrap()),
+    };
+    assert_eq!(other.state, law.state);
     for step in 20..60 {
         let reading = reading(step);
         assert_eq!(
-            law.update(Q16::ZERO, &reading, step.is_multiple_of(3)),
-            other.update(Q16::ZERO, &reading, step.is_multiple_of(3))
+            law.read(Q16::ZERO, &reading, step.is_multiple_of(3)),
+            other.read(Q16::ZERO, &reading, step.is_multiple_of(3))
         );
     }
 }
 
 #[test]
 fn other_gains_come_without_a_bump_and_impossible_ones_are_refused_by_name() {
-    let mut law = Surface::<f32>::new(&config()).unwrap();
+    let mut law = Controller::<f32, Surface<f32>>::new(&config()).unwrap();
     let reading = Reading {
         value: 0.2,
         rate: 0.1,
@@ -262,15 +272,15 @@ fn other_gains_come_without_a_bump_and_impossible_ones_are_refused_by_name() {
         value_lead: 0.0,
     };
     for _ in 0..10 {
-        law.update(0.0, &reading, true);
+        law.read(0.0, &reading, true);
     }
-    let (actuator, rate) = (law.actuator, law.rate.now);
+    let (actuator, rate) = (law.state.actuator, law.state.rate.now);
     let other = SurfaceConfig {
         gain_s: 0.4,
         ..config()
     };
     law.retune(&other).unwrap();
-    assert_eq!((law.actuator, law.rate.now), (actuator, rate));
+    assert_eq!((law.state.actuator, law.state.rate.now), (actuator, rate));
     for (config, name) in [
         (
             SurfaceConfig {
@@ -303,15 +313,15 @@ fn other_gains_come_without_a_bump_and_impossible_ones_are_refused_by_name() {
     ] {
         assert_eq!(law.retune(&config), Err(ConfigError::OutOfRange(name)));
     }
-    law.reset();
-    assert_eq!((law.actuator, law.disturbance()), (0.0, 0.0));
+    law.reset(0.0);
+    assert_eq!((law.state.actuator, law.state.disturbance()), (0.0, 0.0));
 }
 
 /// A vehicle that is held does not answer its rudder: the trim stays within its limit, and once
 /// it is let go the flight is that of a fresh law but for the trim.
 #[test]
 fn a_plant_that_is_held_does_not_wind_it_up() {
-    let mut law = Surface::<f32>::new(&config()).unwrap();
+    let mut law = Controller::<f32, Surface<f32>>::new(&config()).unwrap();
     let held = Reading {
         value: 0.3,
         rate: 0.0,
@@ -319,11 +329,15 @@ fn a_plant_that_is_held_does_not_wind_it_up() {
         value_lead: 0.0,
     };
     for sample in 0..600_u32 {
-        law.update(0.0, &held, sample.is_multiple_of(3));
+        law.read(0.0, &held, sample.is_multiple_of(3));
     }
-    assert!((law.value.now - 0.3).abs() < 0.02, "{}", law.value.now);
-    assert!(law.rate.now.abs() < 0.2, "{}", law.rate.now);
-    assert!(law.disturbance().abs() <= 0.3);
+    assert!(
+        (law.state.value.now - 0.3).abs() < 0.02,
+        "{}",
+        law.state.value.now
+    );
+    assert!(law.state.rate.now.abs() < 0.2, "{}", law.state.rate.now);
+    assert!(law.state.disturbance().abs() <= 0.3);
 }
 
 proptest! {
@@ -334,10 +348,10 @@ proptest! {
             1..30,
         ),
     ) {
-        let mut law = Surface::<f32>::new(&config()).unwrap();
+        let mut law = Controller::<f32, Surface<f32>>::new(&config()).unwrap();
         for (value, rate, age, is_sent) in samples {
             let reading = Reading { value, rate, age: Some(age), value_lead: age.half() };
-            let output = law.update(0.0, &reading, is_sent);
+            let output = law.read(0.0, &reading, is_sent);
             prop_assert!(output.abs() <= 1.0, "{output}");
         }
     }

@@ -124,10 +124,7 @@ fn another_flight_goes_on_through_the_burn() {
         let mut desk = desk(&[("AXES", 2.0), ("SRV2_POLARITY", 1.0)]);
         let snapshot = feeling(&mut desk, THRUST, before);
         let mut words = Vec::new();
-        desk.flight.memory(&mut |word| {
-            words.push(word);
-            word
-        });
+        desk.flight.tell(&mut |word| words.push(word));
         let mut other = Flight::new(desk.flight.params().clone(), BootReport::default()).unwrap();
         assert!(other.resume(&snapshot.sample.unwrap(), &words));
         let mut refresh = desk.refresh;

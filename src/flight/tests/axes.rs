@@ -119,16 +119,3 @@ fn a_set_point_of_roll_that_changes_in_flight_counts_from_the_second_step_on() {
     assert!(f32::from(before).abs() < 0.01, "{before:?}");
     assert!(f32::from(after) < -0.05, "{after:?}");
 }
-
-/// In flight the roll channel follows a change of the parameters behind the next step. A save that
-/// is ordered in between finds the settings as they were set.
-#[test]
-fn settings_are_intact_while_the_roll_channel_is_yet_to_follow_a_change() {
-    let mut desk = desk();
-    for (name, value) in [("SRV2_CENTRE_US", 1500.0), ("PID_KP", 0.5)] {
-        desk.flight.set_param(name, value).unwrap();
-        assert!(desk.flight.settings_are_intact(), "{name}");
-    }
-    desk.flight.catch_up();
-    assert!(desk.flight.settings_are_intact());
-}

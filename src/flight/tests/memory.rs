@@ -2,12 +2,9 @@
 
 use super::*;
 
-fn words(flight: &mut Flight) -> Vec<i32> {
+fn words(flight: &Flight) -> Vec<i32> {
     let mut words = Vec::new();
-    flight.memory(&mut |word| {
-        words.push(word);
-        word
-    });
+    flight.tell(&mut |word| words.push(word));
     words
 }
 
@@ -38,8 +35,8 @@ fn another_flight_goes_on_from_it_with_the_same_bits() {
                 taken(&mut desk, step);
             }
             let snapshot = taken(&mut desk, before);
-            let remembered = words(&mut desk.flight);
-            assert_eq!(remembered.len(), Flight::MEMORY_WORDS);
+            let remembered = words(&desk.flight);
+            assert_eq!(remembered.len(), Flight::WORDS);
             let mut other = Flight::new(params(), BootReport::default()).unwrap();
             assert!(other.resume(&snapshot.sample.unwrap(), &remembered));
             let mut refresh = desk.refresh;
@@ -50,11 +47,7 @@ fn another_flight_goes_on_from_it_with_the_same_bits() {
                 let (here, there) = (desk.step_with(sample), other.step(now, again));
                 assert_eq!(here.pulses[0], there.pulses[0], "{before}, {step}");
                 assert_eq!(here.state, there.state, "{before}, {step}");
-                assert_eq!(
-                    words(&mut desk.flight),
-                    words(&mut other),
-                    "{before}, {step}"
-                );
+                assert_eq!(words(&desk.flight), words(&other), "{before}, {step}");
                 let bits = |flight: &Flight| {
                     let Attitude {
                         orientation: q,
@@ -79,7 +72,7 @@ fn a_failsafe_is_taken_over_and_acknowledged() {
     let snapshot = desk.run(200);
     assert!(matches!(snapshot.state, State::Failsafe(_)));
     let mut other = Flight::new(params(), BootReport::default()).unwrap();
-    assert!(other.resume(&snapshot.sample.unwrap(), &words(&mut desk.flight)));
+    assert!(other.resume(&snapshot.sample.unwrap(), &words(&desk.flight)));
     assert_eq!(other.state().code(), snapshot.state.code());
     let now = Micros(desk.now_us);
     assert_eq!(
@@ -93,7 +86,7 @@ fn a_failsafe_is_taken_over_and_acknowledged() {
 fn other_parameters_and_words_that_mean_nothing_are_told() {
     let mut desk = Desk::in_standby(0.1);
     let sample = desk.run(1).sample.unwrap();
-    let remembered = words(&mut desk.flight);
+    let remembered = words(&desk.flight);
     let mut other = Flight::new(params(), BootReport::default()).unwrap();
     other.set_param("PID_KP", 0.7).unwrap();
     assert!(!other.resume(&sample, &remembered));

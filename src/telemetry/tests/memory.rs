@@ -22,10 +22,7 @@ fn step(link: &mut Link) -> Vec<i32> {
     link.telemetry
         .tell_memory(&snapshot, flight, &link.desk.refresh);
     let mut words = std::vec![snapshot.now.0 as i32];
-    flight.memory(&mut |word| {
-        words.push(word);
-        word
-    });
+    flight.tell(&mut |word| words.push(word));
     let refresh = link.desk.refresh.words().iter();
     words.extend(refresh.map(|word| word.cast_signed()));
     words

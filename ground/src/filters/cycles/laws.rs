@@ -6,7 +6,7 @@ use std::fmt;
 use anyhow::{Result, ensure};
 use recordings::Scalar;
 use rig::Image;
-use tvc_pid::{Pd, Pid, Q16, Surface};
+use tvc_pid::{Controller, Pd, Pid, Q16, Surface};
 
 use super::Run;
 use super::bench::Bench;
@@ -73,10 +73,10 @@ pub fn all() -> Vec<Law> {
     vec![
         Law::of::<Pd<f32>, f32>("pd", F32),
         Law::of::<Pd<Q16>, Q16>("pd", Fixed),
-        Law::of::<Pid<f32>, f32>("pid", F32),
-        Law::of::<Pid<Q16>, Q16>("pid", Fixed),
-        Law::of::<Surface<f32>, f32>("surface", F32),
-        Law::of::<Surface<Q16>, Q16>("surface", Fixed),
+        Law::of::<Controller<f32, Pid<f32>>, f32>("pid", F32),
+        Law::of::<Controller<Q16, Pid<Q16>>, Q16>("pid", Fixed),
+        Law::of::<Controller<f32, Surface<f32>>, f32>("surface", F32),
+        Law::of::<Controller<Q16, Surface<Q16>>, Q16>("surface", Fixed),
     ]
 }
 

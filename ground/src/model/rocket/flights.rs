@@ -3,7 +3,7 @@
 use anyhow::{Result, anyhow};
 use plant::StepResponse;
 use plant::rocket::{self, Attitude, Flight, Rocket, RocketSample};
-use tvc_pid::{Config, Gains, Pid, Schedule};
+use tvc_pid::{Config, Controller, Gains, Law as _, Pid, Schedule};
 
 use super::{OVERSHOOT_PCT, SETTLING_S};
 use crate::out::measure::{Figure, Value, figure, rows};
@@ -166,7 +166,7 @@ fn step(rocket: &Rocket, time_s: f64, scheduled: bool) -> Result<Step> {
     let table = TABLE_S.map(|at| (at as f32, config(rocket, at)));
     let schedule = Schedule::<f32, 10>::new(table).map_err(named)?;
     let lift_off = config(rocket, 0.0);
-    let pid = Pid::<f32>::new(&lift_off).map_err(named)?;
+    let pid = Controller::<f32, Pid<f32>>::new(&lift_off).map_err(named)?;
     let mut axes = [pid.clone(), pid];
     let start = Attitude {
         time_s,
@@ -176,7 +176,7 @@ fn step(rocket: &Rocket, time_s: f64, scheduled: bool) -> Result<Step> {
     let samples = rocket.fly(start, SECONDS, |attitude, _| {
         if let (true, Some(coefficients)) = (scheduled, schedule.at(attitude.time_s as f32)) {
             for pid in &mut axes {
-                pid.set_coefficients(coefficients);
+                pid.law.set_gains(&coefficients);
             }
         }
         // A positive gimbal angle turns the rocket the other way.

@@ -205,18 +205,19 @@ mod tests {
 
     /// What a control law puts out in a motion that swings, with the rudder's model and trim.
     fn outputs(params: &Params) -> Vec<f32> {
-        let mut controller = Controller::new(params, Axis::Pitch, 1.0);
+        let (controller, mut state) = Controller::new(params, Axis::Pitch, 1.0);
         let motion = (0..400).map(|tick| {
             let time_s = tick as f32 / 150.0;
             let (sin, cos) = (3.0 * time_s).sin_cos();
             let size = 0.7 * (-0.5 * time_s).exp();
-            controller.update(&Sample {
+            let sample = Sample {
                 angle: (size * cos + 0.02).into(),
                 rate: (-3.0 * size * sin).into(),
                 rate_age_us: Some(4_000),
                 refresh_us: 10_000,
                 is_carried: tick % 3 == 0,
-            })
+            };
+            controller.update(&mut state, &sample, None)
         });
         motion.map(f32::from).collect()
     }
