@@ -14,6 +14,7 @@ use crate::lag::{self, FieldLag};
 use crate::quaternion::{HalfRows, Quaternion};
 use crate::real::Real;
 use crate::vector::{dot, within};
+
 /// Handling of the magnetometer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

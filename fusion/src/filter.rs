@@ -1,6 +1,6 @@
 //! For whoever writes a filter: what it is given, and what it gives back.
 //!
-//! A type that implements [`Filter`](crate::Filter) runs in an [`Estimator`](crate::Estimator), as
+//! A type that implements [`Filter`] runs in an [`Estimator`](crate::Estimator), as
 //! the filters of this crate do. One that corrects the tilt alone, as Mahony's:
 //!
 //! ```

@@ -2,6 +2,7 @@
 
 use crate::real::Real;
 use crate::vector::{cross, dot, scaled, unit};
+
 /// An orientation: a unit quaternion, Hamilton's convention, body to earth:
 /// `v_earth = q v_body q*`.
 ///

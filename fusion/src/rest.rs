@@ -8,6 +8,7 @@
 use crate::error::{ConfigError, positive};
 use crate::real::Real;
 use crate::vector::{difference, within, zero};
+
 /// When the body counts as at rest, and what is learned from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -1,4 +1,47 @@
 //! What every filter shares: from samples to attitude.
+//!
+//! # The equations
+//! With the measured rates `g`, their offset `b`, the time step `dt`, half the correction `c` that
+//! the step before has found, the specific force `a` and the field `m`:
+//!
+//! ```text
+//! w = g - b                               the rotation rate, body frame
+//! h = w dt / 2 + c                        half the rotation vector of the step, body frame
+//! q = q (cos |h|, h sin|h| / |h|)         the orientation, body to earth
+//! n, e, d = rows of R(q)                  north, east and down in the body frame
+//! a' = a + a x (lag w) + ...              as it is now, and m' likewise: `lag`
+//! c = filter(a', d; heading error of m')  half a rotation vector, body frame
+//! ```
+//!
+//! The rates are taken to be constant within a step. The correction of a sample comes with the next
+//! step, so that it costs no rotation of its own. What is given out is ahead of `q` by the lag of
+//! the gyroscope, `q (1, lag w / 2)`.
+//!
+//! # The gains at the start and after trouble
+//! Of `n` samples that are equally good the mean is the best estimate: the `k`-th moves it by `1/k`
+//! of the difference, which is a gain of `1 / age` with the age in seconds. So every filter starts:
+//! its gain is its own or `1 / age`, whichever is larger, and the age grows until a running mean is
+//! as slow as the slowest filter, [`SETTLED_S`].
+//!
+//! A Kalman filter says the same with the variance `V` of the attitude and the density `r` of the
+//! measurements' noise: its gain is `V / r`, and the age is `r / V`. Where an event adds a variance
+//! `v`, of a gap in the samples or a clipped rate, the variances add up:
+//!
+//! ```text
+//! 1 / age' = 1 / age + v / r
+//! ```
+//!
+//! # Where the rest is derived
+//!
+//! | file | what |
+//! |---|---|
+//! | `quaternion` | the series of the rotation, rows, norm |
+//! | `mahony` and the other filters | the correction |
+//! | `field` | the heading error, and which fields to trust |
+//! | `rest`, `motion_bias` | the offset, at rest and from motion |
+//! | `lag` | samples that are older than the rates |
+//! | `range`, `recovery` | the rotation that a clipped gyroscope hides |
+//! | `quality` | how far the estimate may be off |
 
 mod attitude;
 mod state;

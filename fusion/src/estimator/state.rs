@@ -6,6 +6,7 @@ use crate::filter::Filter;
 use crate::quaternion::{Euler, Quaternion};
 use crate::real::Real;
 use crate::recovery::Recovery;
+
 #[cfg(feature = "offline")]
 use crate::vector::scaled;
 use crate::vector::{within, zero};
