@@ -22,7 +22,7 @@ use crate::error::{ConfigError, in_range, positive};
 use crate::filter::{Filter, View};
 use crate::quaternion::HalfRows;
 use crate::real::Real;
-use crate::vector::{add_scaled, dot, scaled, zero};
+use crate::vector::{add_outer, add_scaled, dot, scaled, zero};
 
 /// Noise of [`Kalman`], as densities: variance times the time for which noise stays the same.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -169,11 +169,11 @@ enum Axis {
 }
 
 impl Axis {
-    fn of<T: Real>(self, v: &[T; 3]) -> T {
+    fn of<V>(self, [north, east, down]: [V; 3]) -> V {
         match self {
-            Self::North => v[0],
-            Self::East => v[1],
-            Self::Down => v[2],
+            Self::North => north,
+            Self::East => east,
+            Self::Down => down,
         }
     }
 }
@@ -232,19 +232,15 @@ impl<T: Real> Kalman<T> {
 
     /// The error about an axis is seen as `error`, with this variance, rad^2.
     fn observe(&mut self, axis: Axis, error: T, variance: T) {
-        let along = self.attitude.each_ref().map(|line| axis.of(line));
-        let offset = match axis {
-            Axis::North => self.mixed[0],
-            Axis::East => self.mixed[1],
-            Axis::Down => self.mixed[2],
-        };
-        let inverse = (axis.of(&along) + variance).recip();
-        let k = (error - axis.of(&self.found.0)) * inverse;
+        let along = self.attitude.each_ref().map(|line| axis.of(*line));
+        let offset = axis.of(self.mixed);
+        let inverse = (axis.of(along) + variance).recip();
+        let k = (error - axis.of(self.found.0)) * inverse;
         add_scaled(&mut self.found.0, &along, k);
         add_scaled(&mut self.found.1, &offset, k);
-        subtract(&mut self.attitude, &along, &along, inverse);
-        subtract(&mut self.mixed, &along, &offset, inverse);
-        subtract(&mut self.offset, &offset, &offset, inverse);
+        add_outer(&mut self.attitude, &along, &along, -inverse);
+        add_outer(&mut self.mixed, &along, &offset, -inverse);
+        add_outer(&mut self.offset, &offset, &offset, -inverse);
     }
 }
 
@@ -258,13 +254,6 @@ fn add_diagonal<T: Real>([x, y, z]: &mut Matrix<T>, [a, b, c]: [T; 3]) {
     x[0] += a;
     y[1] += b;
     z[2] += c;
-}
-
-/// `matrix -= left right^T k`
-fn subtract<T: Real>(matrix: &mut Matrix<T>, left: &[T; 3], right: &[T; 3], k: T) {
-    for (line, part) in matrix.iter_mut().zip(left.iter()) {
-        add_scaled(line, right, -(*part * k));
-    }
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ use crate::config::GRAVITY;
 use crate::quaternion::HalfRows;
 use crate::real::Real;
 use crate::rest::RestConfig;
-use crate::vector::{add_scaled, dot, scaled, zero};
+use crate::vector::{add_scaled, dot, observe, scaled, zero};
 
 /// Time between two accounts, s: without an FPU one costs as much as a step.
 const ACCOUNT_S: f32 = 0.035;
@@ -234,12 +234,7 @@ impl<T: Real> MotionBias<T> {
         if !left.within(T::from_f32(MOST)) {
             return;
         }
-        let along = self.covariance.each_ref().map(|c| dot(c, row));
-        let inverse = (dot(row, &along) + noise).recip();
-        add_scaled(bias, &along, left * inverse);
-        for (row, part) in self.covariance.iter_mut().zip(along.iter()) {
-            add_scaled(row, &along, -(*part * inverse));
-        }
+        observe((bias, &mut self.covariance), row, left, noise);
         *bias = bias.map(|axis| limited(axis, self.max_bias));
     }
 }

@@ -225,12 +225,7 @@ impl<T: Real> Quaternion<T> {
 
     /// Up (against gravity) in the body frame, a unit vector.
     pub fn up(&self) -> [T; 3] {
-        let down = self.half_down();
-        [
-            -(down[0] + down[0]),
-            -(down[1] + down[1]),
-            -(down[2] + down[2]),
-        ]
+        self.half_down().map(|half| -(half + half))
     }
 
     /// Sine of the pitch, -1..1: cheap, smooth, and enough for a controller near upright.

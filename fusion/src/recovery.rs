@@ -15,7 +15,7 @@ use crate::config::GRAVITY;
 use crate::quaternion::HalfRows;
 use crate::range::Hidden;
 use crate::real::Real;
-use crate::vector::{add_scaled, cross, dot, scaled, zero};
+use crate::vector::{add_outer, add_scaled, cross, dot, observe, scaled, zero};
 
 /// The rate beyond the limit, in parts of it and as a density: half of it, correlated for 0.1 s,
 /// `2 * 0.5^2 * 0.1`.
@@ -158,9 +158,7 @@ impl<T: Real> Recovery<T> {
 
     /// The error about an axis has gained a variance, rad^2.
     fn widen(&mut self, axis: &[T; 3], variance: T) {
-        for (row, part) in self.covariance.iter_mut().zip(axis.iter()) {
-            add_scaled(row, axis, *part * variance);
-        }
+        add_outer(&mut self.covariance, axis, axis, variance);
     }
 
     /// The field's direction, in parts of its expected strength.
@@ -168,13 +166,9 @@ impl<T: Real> Recovery<T> {
         let rate = &seen.rate;
         let scale = dot(expected, expected).sqrt().recip();
         // dm/dt = m x rate in the body frame.
-        let late = cross(field, rate);
-        let now = |field: T, late: T| (field + late * seen.field_lag_s) * scale;
-        let field = [
-            now(field[0], late[0]),
-            now(field[1], late[1]),
-            now(field[2], late[2]),
-        ];
+        let mut now = *field;
+        add_scaled(&mut now, &cross(field, rate), seen.field_lag_s);
+        let field = scaled(&now, scale);
         let off = dot(&field, &field).sqrt() - T::ONE;
         if off.within(T::from_f32(STRENGTH)) {
             let lag = T::from_f32(LAG_DEVIATION_S);
@@ -207,15 +201,8 @@ impl<T: Real> Recovery<T> {
     /// The Kalman filter's update: the error along `row` is by `left` larger than what was found of
     /// it.
     fn update(&mut self, row: &[T; 3], left: T, variance: T) {
-        let along = self.covariance.each_ref().map(|c| dot(c, row));
-        let inverse = (dot(row, &along) + variance).recip();
-        add_scaled(&mut self.error, &along, left * inverse);
-        for (row, part) in self.covariance.iter_mut().zip(along.iter()) {
-            let part = *part * inverse;
-            row[0] = row[0] - part * along[0];
-            row[1] = row[1] - part * along[1];
-            row[2] = row[2] - part * along[2];
-        }
+        let filter = (&mut self.error, &mut self.covariance);
+        observe(filter, row, left, variance);
     }
 }
 

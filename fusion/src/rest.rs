@@ -7,7 +7,7 @@
 
 use crate::error::{ConfigError, positive};
 use crate::real::Real;
-use crate::vector::{difference, within, zero};
+use crate::vector::{add_scaled, difference, within, zero};
 
 /// When the body counts as at rest, and what is learned from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -264,9 +264,8 @@ fn near<T: Real>(a: &[T; 3], b: &[T; 3], limit: T) -> bool {
 
 /// `from += (to - from) share`
 fn step_towards<T: Real>(from: &mut [T; 3], to: &[T; 3], share: T) {
-    from[0] = from[0] + (to[0] - from[0]) * share;
-    from[1] = from[1] + (to[1] - from[1]) * share;
-    from[2] = from[2] + (to[2] - from[2]) * share;
+    let way = difference(to, from);
+    add_scaled(from, &way, share);
 }
 
 #[cfg(test)]

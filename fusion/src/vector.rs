@@ -50,6 +50,31 @@ pub(crate) fn cross<T: Real>(a: &[T; 3], b: &[T; 3]) -> [T; 3] {
     ]
 }
 
+/// `matrix += left right^T k`
+pub(crate) fn add_outer<T: Real>(matrix: &mut [[T; 3]; 3], left: &[T; 3], right: &[T; 3], k: T) {
+    for (line, part) in matrix.iter_mut().zip(left) {
+        add_scaled(line, right, *part * k);
+    }
+}
+
+/// A Kalman filter's update: `row . state` is seen to be larger by `left`, with this variance. Where
+/// rounding has made a variance negative along the row, nothing is learned.
+pub(crate) fn observe<T: Real>(
+    (state, covariance): (&mut [T; 3], &mut [[T; 3]; 3]),
+    row: &[T; 3],
+    left: T,
+    variance: T,
+) {
+    let along = covariance.each_ref().map(|c| dot(c, row));
+    let own = dot(row, &along);
+    if own < T::ZERO {
+        return;
+    }
+    let inverse = (own + variance).recip();
+    add_scaled(state, &along, left * inverse);
+    add_outer(covariance, &along, &along, -inverse);
+}
+
 /// Direction of a vector; `None` below a length of 1e-6 (of numbers around 1) or beyond 1e15.
 pub(crate) fn unit<T: Real>(v: &[T; 3]) -> Option<[T; 3]> {
     let n = dot(v, v);

@@ -3,7 +3,7 @@
 use crate::config::GRAVITY;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
-use crate::vector::scaled;
+use crate::vector::{add_scaled, scaled};
 
 /// One sample of the sensors, all in the same body axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,13 +68,9 @@ impl<T: Real> Attitude<T> {
     /// The acceleration of the body in its own frame, m/s^2, that a specific force shows: 0 at rest
     /// and in steady motion.
     pub fn linear_acceleration(&self, acc: &[f32; 3]) -> [T; 3] {
-        let gravity = self.gravity();
-        let part = |acc: f32, gravity: T| T::from_f32(acc) + gravity;
-        [
-            part(acc[0], gravity[0]),
-            part(acc[1], gravity[1]),
-            part(acc[2], gravity[2]),
-        ]
+        let mut motion = acc.map(T::from_f32);
+        add_scaled(&mut motion, &self.gravity(), T::ONE);
+        motion
     }
 
     /// The same in the earth frame: north, east, down.

@@ -427,9 +427,7 @@ impl<F: Filter> Estimator<F> {
         let hidden = hidden.unwrap_or([Hidden::Nothing; 3]);
         let (half_angle, heading_variance) =
             self.recovery.step(view.dt, &view.rows, &hidden, &seen);
-        self.pending[0] += half_angle[0];
-        self.pending[1] += half_angle[1];
-        self.pending[2] += half_angle[2];
+        add_scaled(&mut self.pending, &half_angle, F::Real::ONE);
         if heading_variance > F::Real::ZERO {
             self.unsettle(heading_variance);
         }
