@@ -11,6 +11,7 @@ mod probe;
 mod recorder;
 mod replay;
 mod rocket;
+mod sound;
 mod symbols;
 mod two_axes;
 

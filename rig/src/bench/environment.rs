@@ -20,7 +20,7 @@ use super::disturbance::Disturbances;
 use super::sensor_motion::{HeldSensor, SensorMotion};
 use super::stimulus::PitchMotion;
 use super::vehicle::Vehicle;
-use super::{EarthField, Hardware, Since, TimedFault, fault_schedule, stimulus};
+use super::{EarthField, Hardware, Knock, Magnet, Since, TimedFault, fault_schedule, stimulus};
 use crate::bno055::{Bno055, Fault, ImuErrors, Stimulus};
 use crate::observe::ground_truth::{GroundTruth, Motion, Roll};
 use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
@@ -74,6 +74,10 @@ pub struct Environment {
     faults: Vec<TimedFault>,
     /// A torque that acts on the drone, N m, and when it ends.
     gust: Option<(f64, Ticks)>,
+    /// The newest knock on the sensor's board, and when it began.
+    knock: Option<(Knock, Ticks)>,
+    /// The newest magnet that passes, likewise.
+    magnet: Option<(Magnet, Ticks)>,
     /// When the power came on.
     powered: Ticks,
     /// Full thrust, N.
@@ -121,6 +125,8 @@ impl Environment {
             disturbances: bench.disturbances,
             faults: bench.faults.clone(),
             gust: None,
+            knock: None,
+            magnet: None,
             powered: Ticks::ZERO,
             thrust_n: bench.parameters.thrust_n,
             steps: 0,
@@ -263,6 +269,16 @@ impl Environment {
         self.gust = Some((torque_n_m, until));
     }
 
+    /// Strikes the sensor's board, wherever that is.
+    pub fn knock(&mut self, knock: Knock) {
+        self.knock = Some((knock, STEP * self.steps));
+    }
+
+    /// Leads a magnet past the sensor.
+    pub fn pass_magnet(&mut self, magnet: Magnet) {
+        self.magnet = Some((magnet, STEP * self.steps));
+    }
+
     /// What disturbs the drone now.
     pub fn disturbances(&self) -> Disturbances {
         self.disturbances
@@ -369,10 +385,20 @@ impl Environment {
         let spin = self.vehicle.spin_rad_s();
         let rates = Vector3::new(roll_rate + tilt_rad_s[1], rate_rad_s, spin);
         let accelerations = (rates - std::mem::replace(&mut self.rates, rates)) / dt_s;
-        match self.felt_in_hand(dt_s) {
+        let mut felt = match self.felt_in_hand(dt_s) {
             Some(felt) => felt,
             None => self.felt_on_drone(now, accelerations),
+        };
+        let since_s = |begun: Ticks| (now - begun).as_secs_f64();
+        if let Some((knock, begun)) = &self.knock {
+            let (force, rate) = knock.at(since_s(*begun));
+            add(&mut felt.specific_force_m_s2, force);
+            add(&mut felt.rate_rad_s, rate);
         }
+        if let Some((magnet, begun)) = &self.magnet {
+            add(&mut felt.field_ut, magnet.at(since_s(*begun)));
+        }
+        felt
     }
 
     /// What the sensor feels while it is off the drone.
@@ -380,7 +406,8 @@ impl Environment {
         let gravity = self.gravity_m_s2();
         let (sensor, back) = self.held_sensor.as_mut()?;
         let rate = sensor.advance(dt_s);
-        let felt = stimulus::in_hand(&sensor.attitude(), rate, &self.field, gravity);
+        let mut felt = stimulus::in_hand(&sensor.attitude(), rate, &self.field, gravity);
+        add(&mut felt.specific_force_m_s2, sensor.acceleration_m_s2());
         if *back && sensor.has_arrived() {
             self.held_sensor = None;
         }
@@ -413,10 +440,8 @@ impl Environment {
             && self.clamp.open_for(now).is_some()
         {
             let (force, rate) = vibration.at(now.as_secs_f64());
-            for axis in 0..3 {
-                felt.specific_force_m_s2[axis] += force[axis];
-                felt.rate_rad_s[axis] += rate[axis];
-            }
+            add(&mut felt.specific_force_m_s2, force);
+            add(&mut felt.rate_rad_s, rate);
         }
         felt
     }
@@ -444,6 +469,12 @@ impl Environment {
         if let Some((torque_n_m, _)) = self.gust {
             self.vehicle.kick(torque_n_m * STEP.as_secs_f64());
         }
+    }
+}
+
+fn add(to: &mut [f64; 3], more: [f64; 3]) {
+    for (to, more) in to.iter_mut().zip(more) {
+        *to += more;
     }
 }
 

@@ -34,6 +34,8 @@ pub struct Hardware {
     pub magnetometer: Magnetometer,
     /// Largest deviation of the sensor's clock, relative.
     pub clock_error: f64,
+    /// Noise of all three sensors, relative to a typical chip's.
+    pub noise: f64,
     /// Shift of the gyroscope's offset by a specific force of 1 g along z, deg/s.
     pub gyro_per_g_deg_s: f64,
     /// Where the sensor sits, from the pivot along the body's axes, m.
@@ -74,6 +76,7 @@ impl Default for Hardware {
             refresh: None,
             magnetometer: Magnetometer::default(),
             clock_error: 0.01,
+            noise: 1.0,
             gyro_per_g_deg_s: 0.0,
             lever_m: [0.0; 3],
             bootloader: Bootloader::default(),
@@ -343,6 +346,10 @@ impl Hardware {
         sensor.refresh = self.refresh;
         sensor.magnetometer = self.magnetometer;
         sensor.clock_error = self.clock_error;
+        let errors = &mut sensor.errors;
+        errors.gyro_noise_density *= self.noise;
+        errors.acc_noise_density *= self.noise;
+        errors.mag_noise_ut *= self.noise;
         if self.gyro_per_g_deg_s != 0.0 {
             sensor.errors.gyro_per_g_rad_s = [self.gyro_per_g_deg_s.to_radians(); 3];
         }

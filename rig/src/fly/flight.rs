@@ -26,7 +26,7 @@ const LEARN: Ticks = Ticks::from_ms(5000);
 const REST: Ticks = Ticks::from_ms(3000);
 /// How long a person goes on trying to arm a drone that is at rest: each time that the image has
 /// learned another length of its bursts, it measures the gyroscope's offset anew.
-const ARM_PATIENCE: Ticks = Ticks::from_ms(8000);
+pub(super) const ARM_PATIENCE: Ticks = Ticks::from_ms(8000);
 /// How often progress is reported.
 const PROGRESS: Ticks = Ticks::from_ms(20);
 
@@ -365,7 +365,7 @@ impl Ready {
     }
 
     /// Arms the drone, at rest, as soon as the image lets it be armed.
-    fn arm(
+    pub(super) fn arm(
         &mut self,
         stage: Stage,
         patience: Ticks,

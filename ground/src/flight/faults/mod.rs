@@ -1,5 +1,5 @@
 //! `tvc faults`: faults of the sensor, its cable, the chip, the program and the host, at random
-//! instants of a flight.
+//! instants of a flight; and sound vehicles, whose defences are to leave them alone.
 
 mod options;
 mod report;
@@ -13,8 +13,9 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
-use rig::faults::{Campaign, Case, Kind, Phase, Plan};
-use rig::{ServoKind, Setup, prepare};
+use rig::faults::{Campaign, Case, Kind, Outcome, Phase, Plan, Sound};
+use rig::flight::FlightError;
+use rig::{ServoKind, Setup, Ticks, prepare};
 
 use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
@@ -33,6 +34,8 @@ const RUNS_OF_EACH: u32 = 50;
 const INSTANTS: u32 = 20;
 /// Where the page goes if no place is named.
 const REPORT: &str = "report/faults.html";
+/// Runs of each kind, vehicle, servo and phase of sound vehicles.
+const SOUND_OF_EACH: u32 = 2;
 /// Unsafe runs that are written as files.
 const WRITTEN: usize = 100;
 
@@ -60,6 +63,8 @@ pub struct Flown {
     pub hardware: String,
     /// Of all that is random.
     pub seed: u64,
+    /// Length of a run of a sound vehicle, s, if it is given.
+    pub seconds: Option<u16>,
 }
 
 /// Carries out the campaign, prints its table, and names every unsafe run.
@@ -83,9 +88,13 @@ fn fly(options: &Faults) -> Result<Verdict> {
     let verdict = figures.conclude(options.json, Some((&report, page)));
     // What cannot be written is complained of when everything else has been handed over.
     let mut written = write_table(options.out.as_deref(), &rows);
-    let unsafe_runs = rows.iter().filter(|row| row.end == End::Unsafe);
-    for (place, row) in unsafe_runs.enumerate() {
-        eprintln!("unsafe: {}: {}", row.story(), row.why);
+    let bad = rows.iter().filter(|row| row.end.is_bad());
+    for (place, row) in bad.enumerate() {
+        let how = match row.end {
+            End::Alarmed => "alarmed",
+            _ => "unsafe",
+        };
+        eprintln!("{how}: {}: {}", row.story(), row.why);
         if place < WRITTEN {
             let scenario = Scenario::new(options.hardware.text(), row);
             let path = scenario.write(&options.unsafe_runs, place + 1, row);
@@ -137,19 +146,54 @@ fn replay(options: &Replay) -> Result<Verdict> {
     figures.conclude(options.json, None)
 }
 
-/// The flight, or another phase, that is to be disturbed.
-fn campaign(image: &ImageOption, flown: &Flown) -> Result<Campaign> {
+/// What runs are carried out on.
+enum Base {
+    /// The flight, or another phase, that faults disturb.
+    Faults(Box<Campaign>),
+    /// Sound vehicles, each with a flight of its own.
+    Sound(Box<Sound>),
+}
+
+impl Base {
+    fn run(&self, case: Case) -> Result<Outcome, FlightError> {
+        match (self, case.kind) {
+            (Self::Sound(sound), Kind::Sound(kind)) => sound.run(kind, case.number),
+            (Self::Sound(_), _) => unreachable!("the plan has kinds of sound vehicles alone"),
+            (Self::Faults(campaign), _) => campaign.run(case),
+        }
+    }
+
+    /// How many bits of the servo timer there are to flip.
+    fn timer_bits(&self) -> u32 {
+        match self {
+            Self::Faults(campaign) => campaign.timer_bits().len() as u32,
+            Self::Sound(_) => 0,
+        }
+    }
+}
+
+/// The flight, or another phase, that is to be disturbed, or the vehicle that is sound.
+fn campaign(image: &ImageOption, flown: &Flown) -> Result<Base> {
     let image = image.image()?;
     let bar = spinner("boot and flight, or another phase, without a fault");
     let mut setup = Setup::with_polarity(flown.servo, flown.seed);
     setup.rig.hardware = flown.hardware.parse().map_err(BadInput::new)?;
     flown.vehicle.hang(&mut setup.rig)?;
+    if flown.plan == Plan::Sound {
+        let sound = Sound::new(&image, setup, flown.phase).with_hardware(&flown.hardware);
+        let sound = sound.map_err(BadInput::new)?;
+        let sound = match flown.seconds {
+            Some(seconds) => sound.lasting(Ticks::from_ms(1000 * u64::from(seconds))),
+            None => sound,
+        };
+        return Ok(Base::Sound(Box::new(sound)));
+    }
     let ready = prepare(&image, &setup, &mut |_| {})?;
     let frame_hz = f64::from(flown.servo.frame_hz());
     let campaign = Campaign::new(&ready, frame_hz, flown.phase, flown.seed)
         .with_context(|| format!("phase {}, which is to be disturbed", flown.phase))?;
     bar.finish_and_clear();
-    Ok(campaign.by(flown.plan))
+    Ok(Base::Faults(Box::new(campaign.by(flown.plan))))
 }
 
 /// The runs of this shard.
@@ -176,9 +220,15 @@ impl Shard {
             return Err(BadInput::new(why).into());
         }
         let kinds: usize = all.iter().map(|flown| kinds(options, flown).len()).sum();
+        let is_sound = all.iter().any(|flown| flown.plan == Plan::Sound);
+        let usual = if is_sound {
+            SOUND_OF_EACH
+        } else {
+            RUNS_OF_EACH
+        };
         let of_each = options
             .runs
-            .map_or(RUNS_OF_EACH, |runs| runs.div_ceil(kinds.max(1) as u32));
+            .map_or(usual, |runs| runs.div_ceil(kinds.max(1) as u32));
         let (part, parts) = options.shard.unwrap_or((0, 1));
         Ok(Self {
             of_each,
@@ -189,9 +239,9 @@ impl Shard {
     }
 
     /// The runs of a campaign, by kind and number.
-    fn cases(&mut self, options: &Faults, flown: &Flown, campaign: &Campaign) -> Vec<Case> {
+    fn cases(&mut self, options: &Faults, flown: &Flown, campaign: &Base) -> Vec<Case> {
         let of_each = match (flown.plan, options.runs) {
-            (Plan::TimerBits, None) => INSTANTS * campaign.timer_bits().len() as u32,
+            (Plan::TimerBits, None) => INSTANTS * campaign.timer_bits(),
             _ => self.of_each,
         };
         let kinds = kinds(options, flown).into_iter();
@@ -213,12 +263,7 @@ fn kinds(options: &Faults, flown: &Flown) -> Vec<Kind> {
     kinds
 }
 
-fn carry_out(
-    campaign: &Campaign,
-    cases: &[Case],
-    flown: &Flown,
-    options: &Faults,
-) -> Result<Vec<Row>> {
+fn carry_out(campaign: &Base, cases: &[Case], flown: &Flown, options: &Faults) -> Result<Vec<Row>> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.jobs.map_or(0, usize::from))
         .build()?;

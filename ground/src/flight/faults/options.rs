@@ -26,6 +26,7 @@ Examples:
   cargo tvc faults --glitches                         short ones of the cable: all but 1 % ridden out
   cargo tvc faults --resets                           every reset by the firmware, two servos, two drones
   cargo tvc faults --timer-bits                       every bit of the servo timer, 20 instants each
+  cargo tvc faults --sound                            no fault: what is done to sound vehicles
   cargo tvc faults --vehicle drone2                   both rudders of the two-axis drone
   cargo tvc faults --phase saving                     chip, program and host, while parameters are stored
   cargo tvc faults --runs 10000 --shard 3/16 --out part3.csv
@@ -46,8 +47,12 @@ unsafe by themselves: a servo goes where the last pulse says. Where the fault is
 that holds for the last pulse before a silence; where it ends the pulses itself, as the reset button
 does, such pulses are only counted.
 
-Exit status: 0 no unsafe run (and 99 % of glitches ridden out), 1 at least one or something failed,
-2 unusable input."
+A run of a sound vehicle has an alarm if the chip is reset, if a failsafe or a latched fault comes
+that nobody ordered, if an order is refused that a sound vehicle obeys, if a burst is refused, a
+step lost or late by 100 us, a parameter lost, or if there is a pulse that nobody asked for.
+
+Exit status: 0 no unsafe run and no alarm (and 99 % of glitches ridden out), 1 at least one or
+something failed, 2 unusable input."
 )]
 pub struct Faults {
     /// What else can be done with campaigns.
@@ -58,17 +63,18 @@ pub struct Faults {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     pub runs: Option<u32>,
 
-    /// What hangs on the rig [default: drone; with --resets both drones].
+    /// What hangs on the rig [default: drone; with --resets and --sound both drones].
     #[arg(long, value_enum)]
     pub vehicle: Option<VehicleKind>,
 
-    /// The servo on the rig, at a 50 or a 300 Hz frame [default: s3003; with --resets both].
+    /// The servo on the rig, at a 50 or a 300 Hz frame [default: s3003; with --resets and --sound
+    /// both, the digital one at 200 and 333 Hz, too].
     #[arg(long, value_enum)]
     pub servo: Option<ServoKind>,
 
     /// What the vehicle does when the fault begins: start, standby, saving (its parameters), armed,
     /// flight or failsafe. In another phase than the flight, only what fails beyond the sensor
-    /// [default: flight; with --resets flight, armed and standby].
+    /// [default: flight; with --resets flight, armed and standby; with --sound all but saving].
     #[arg(long)]
     pub phase: Option<Phase>,
 
@@ -91,6 +97,17 @@ pub struct Faults {
     /// instants each].
     #[arg(long, conflicts_with = "kind", group = "plan")]
     pub timer_bits: bool,
+
+    /// Sound vehicles instead: no fault, but parts that differ, knocks, hands, magnets, vibration,
+    /// warmth, and hosts that ask, order, save and flood. There may be no alarm [default: 2 of
+    /// each kind, vehicle, servo and phase].
+    #[arg(long, group = "plan")]
+    pub sound: bool,
+
+    /// Length of each run of a sound vehicle, s (1 to 600) [default: 20 in flight, 9 for a start, 6
+    /// in any other phase].
+    #[arg(long, value_name = "S", requires = "sound", value_parser = clap::value_parser!(u16).range(1..=600))]
+    pub seconds: Option<u16>,
 
     /// Seed of all that is random: the sensor, and every run's instant, length and strength.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -133,12 +150,14 @@ pub struct Faults {
 impl Faults {
     /// What is tried.
     fn plan(&self) -> Plan {
-        match (self.glitches, self.resets, self.timer_bits) {
-            (true, ..) => Plan::Glitches,
-            (_, true, _) => Plan::Resets,
-            (.., true) => Plan::TimerBits,
-            _ => Plan::Faults,
-        }
+        let plans = [
+            (self.glitches, Plan::Glitches),
+            (self.resets, Plan::Resets),
+            (self.timer_bits, Plan::TimerBits),
+            (self.sound, Plan::Sound),
+        ];
+        let chosen = plans.into_iter().find(|(is_chosen, _)| *is_chosen);
+        chosen.map_or(Plan::Faults, |(_, plan)| plan)
     }
 
     /// What is flown, one after the other.
@@ -165,16 +184,18 @@ impl Faults {
                 "--phase: glitches are flown, in phase flight",
             ));
         }
-        let resets = plan == Plan::Resets;
-        let all = |of_resets: bool| if of_resets { 2 } else { 1 };
+        let all = match plan {
+            Plan::Resets | Plan::Sound => 2,
+            _ => 1,
+        };
         let servos = [ServoKind::S3003, ServoKind::Digital];
         let servos = self
             .servo
-            .map_or(servos[..all(resets)].to_vec(), |servo| vec![servo]);
+            .map_or(servos[..all].to_vec(), |servo| vec![servo]);
         let vehicles = VehicleKind::DRONES;
         let vehicles = self
             .vehicle
-            .map_or(vehicles[..all(resets)].to_vec(), |vehicle| vec![vehicle]);
+            .map_or(vehicles[..all].to_vec(), |vehicle| vec![vehicle]);
         let mut flown = Vec::new();
         for servo in servos {
             for vehicle in &vehicles {
@@ -185,6 +206,7 @@ impl Faults {
                     phase: *phase,
                     hardware: self.hardware.text(),
                     seed: self.seed,
+                    seconds: self.seconds,
                 }));
             }
         }

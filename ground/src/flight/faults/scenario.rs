@@ -36,6 +36,9 @@ pub struct Scenario {
     pub kind: String,
     /// Number of the run among those of this kind.
     pub number: u32,
+    /// Length of a run of a sound vehicle, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<u16>,
 }
 
 impl Scenario {
@@ -50,6 +53,7 @@ impl Scenario {
             phase: row.phase.clone(),
             kind: row.kind.clone(),
             number: row.number,
+            seconds: (row.campaign == Plan::Sound.name()).then_some(row.lasted_s as u16),
         }
     }
 
@@ -95,6 +99,12 @@ impl Scenario {
             .map_err(|_| format!("there is no servo {}", scenario.servo))?;
         let plan: Plan = scenario.campaign.parse()?;
         let phase: Phase = scenario.phase.parse()?;
+        if scenario
+            .seconds
+            .is_some_and(|seconds| !(1..=600).contains(&seconds))
+        {
+            return Err("seconds must be 1 to 600".into());
+        }
         if !plan.kinds(phase).contains(&kind) {
             return Err(format!(
                 "{kind} is no fault of phase {phase} in the campaign of {plan}"
@@ -107,6 +117,7 @@ impl Scenario {
             phase,
             hardware: scenario.hardware,
             seed: scenario.seed,
+            seconds: scenario.seconds.filter(|_| plan == Plan::Sound),
         };
         let number = scenario.number;
         Ok((flown, Case { kind, number }))

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use rig::faults::{Ending, Kind, Outcome, Plan};
+use rig::faults::{Alarms, Ending, Kind, Outcome, Plan};
 use serde::{Deserialize, Serialize};
 
 use super::Flown;
@@ -23,10 +23,12 @@ pub enum End {
     Unsafe,
     /// The program, as the fault had left it, did what the emulated chip does not model.
     Unmodelled,
+    /// Nothing was wrong with the vehicle, and there were alarms.
+    Alarmed,
 }
 
 impl End {
-    /// All of them, with the words of the tables.
+    /// Those of faults, with the words of the tables.
     pub const ALL: [(Self, &str); 5] = [
         (Self::Recovered, "recovered"),
         (Self::Neutral, "neutral"),
@@ -34,6 +36,11 @@ impl End {
         (Self::Unsafe, "unsafe"),
         (Self::Unmodelled, "unmodelled"),
     ];
+
+    /// Whether it fails the campaign.
+    pub fn is_bad(self) -> bool {
+        matches!(self, Self::Unsafe | Self::Alarmed)
+    }
 }
 
 /// A run: the campaign that it belongs to, what was drawn, and what became of it.
@@ -80,6 +87,45 @@ pub struct Row {
     pub harmless: bool,
     /// The firmware's last text.
     pub said: String,
+    /// Of a sound vehicle: how long it was watched, s.
+    #[serde(default)]
+    pub flown_s: f64,
+    /// Of a sound vehicle: frames that its host sent.
+    #[serde(default)]
+    pub frames: u64,
+    /// Of a sound vehicle: bursts that its sensor was asked for.
+    #[serde(default)]
+    pub bursts: usize,
+    /// Its alarms: resets.
+    #[serde(default)]
+    pub resets: usize,
+    /// Failsafes.
+    #[serde(default)]
+    pub failsafes: usize,
+    /// Latched faults.
+    #[serde(default)]
+    pub latches: usize,
+    /// Other states.
+    #[serde(default)]
+    pub states: usize,
+    /// Orders refused.
+    #[serde(default)]
+    pub refusals: usize,
+    /// Bursts refused.
+    #[serde(default)]
+    pub refused: usize,
+    /// Steps lost.
+    #[serde(default)]
+    pub lost: usize,
+    /// Loops that did not keep their time.
+    #[serde(default)]
+    pub late: usize,
+    /// Parameters lost.
+    #[serde(default)]
+    pub parameters: usize,
+    /// Pulses that nobody asked for.
+    #[serde(default)]
+    pub pulses: usize,
 }
 
 impl Row {
@@ -91,6 +137,12 @@ impl Row {
             Ending::Restarted => (End::Restarted, String::new()),
             Ending::Unmodelled(ref what) => (End::Unmodelled, what.clone()),
             Ending::Unsafe(why) => (End::Unsafe, why.to_string()),
+            Ending::Alarmed(ref alarms) => (End::Alarmed, alarms.to_string()),
+        };
+        let none = Alarms::default();
+        let alarms = match &outcome.ending {
+            Ending::Alarmed(alarms) => alarms,
+            _ => &none,
         };
         Self {
             seed: flown.seed,
@@ -113,14 +165,28 @@ impl Row {
             noticed: outcome.noticed,
             harmless: outcome.harmless,
             said: outcome.said.clone(),
+            flown_s: outcome.watched.flown_s,
+            frames: outcome.watched.frames,
+            bursts: outcome.watched.bursts,
+            resets: alarms.resets,
+            failsafes: alarms.failsafes,
+            latches: alarms.latches,
+            states: alarms.states,
+            refusals: alarms.refusals,
+            refused: alarms.refused,
+            lost: alarms.lost,
+            late: alarms.late,
+            parameters: alarms.parameters,
+            pulses: alarms.pulses,
         }
     }
 
-    /// What runs have in common that can be added up: those of one flight, or all resets.
+    /// What runs have in common that can be added up: those of one flight, all resets, or all of
+    /// sound vehicles.
     fn in_common(&self) -> [&str; 4] {
         let of_flight = [&self.vehicle, &self.servo, &self.phase].map(String::as_str);
         let [vehicle, servo, phase] = match self.campaign.parse() {
-            Ok(Plan::Resets) => [""; 3],
+            Ok(Plan::Resets | Plan::Sound) => [""; 3],
             _ => of_flight,
         };
         [&self.campaign, vehicle, servo, phase]
@@ -139,7 +205,7 @@ impl Row {
     }
 
     /// The runs that it is counted with: of its kind; of resets with the same frame and drone, too;
-    /// of bits those of the same register.
+    /// of sound vehicles those in the same phase; of bits those of the same register.
     pub fn group(&self) -> String {
         let Self {
             kind,
@@ -151,6 +217,7 @@ impl Row {
         } = self;
         match self.campaign.parse() {
             Ok(Plan::Resets) => format!("{kind}, {phase}, {vehicle}, {servo}"),
+            Ok(Plan::Sound) => format!("{kind}, {phase}"),
             Ok(Plan::TimerBits) => fault.rsplit(' ').next().unwrap_or(kind).to_owned(),
             _ => kind.clone(),
         }
@@ -167,6 +234,9 @@ impl Row {
             ..
         } = self;
         let lasted_ms = self.lasted_s * 1e3;
+        if self.end == End::Alarmed {
+            return format!("{} run {number}, {fault}", self.group());
+        }
         format!(
             "{kind} run {number}, {fault} at {at_s:.3} s for {lasted_ms:.0} ms, said last \"{said}\""
         )
@@ -182,7 +252,8 @@ impl Row {
         let ms = [self.unguarded_ms, self.wrong_ms, self.silent_ms];
         (0.0..=60.0).contains(&self.at_s)
             // The page has it on a logarithmic axis.
-            && (1e-3..=60.0).contains(&self.lasted_s)
+            && (1e-3..=600.0).contains(&self.lasted_s)
+            && (0.0..=700.0).contains(&self.flown_s)
             && ms.iter().all(|ms| (0.0..=60e3).contains(ms))
     }
 

@@ -84,6 +84,15 @@ pub(super) const KEYS: &[Key] = &[
         show: |hardware| (hardware.clock_error * 100.0).to_string(),
     },
     Key {
+        name: "noise",
+        value: "RATIO",
+        what: "noise of accelerometer, gyroscope and magnetometer, relative to a typical chip's \
+               (0 to 10)",
+        source: "BNO055 data sheet, table 0-2: typical densities only; parts differ",
+        set: |hardware, text| put(&mut hardware.noise, number(text, 0.0..=10.0)),
+        show: |hardware| hardware.noise.to_string(),
+    },
+    Key {
         name: "gyro-per-g",
         value: "DEG_S",
         what: "shift of the gyroscope's offset on all axes by 1 g along z, deg/s (-1 to 1)",
@@ -163,7 +172,7 @@ mod tests {
     #[test]
     fn settings_of_the_sensor_reach_the_bench() {
         let hardware: Hardware = "late-registers=20000,lost-within=5000,refresh=62.5/80/20,\
-             field-age=30,field=dead,sensor-clock=3,gyro-per-g=0.1,lever=20/-5/-130,bootloader=uf2"
+             field-age=30,field=dead,sensor-clock=3,noise=3,gyro-per-g=0.1,lever=20/-5/-130,bootloader=uf2"
             .parse()
             .unwrap();
         assert_eq!(hardware.bootloader, Bootloader::Uf2);
@@ -182,6 +191,12 @@ mod tests {
         assert_eq!(sensor.magnetometer.age, Ticks::from_ms(30));
         assert_eq!(sensor.magnetometer.health, MagnetometerHealth::Dead);
         assert_eq!(sensor.clock_error, 0.03);
+        let typical = crate::bno055::ImuErrors::TYPICAL;
+        assert_eq!(
+            sensor.errors.gyro_noise_density,
+            3.0 * typical.gyro_noise_density
+        );
+        assert_eq!(sensor.errors.mag_noise_ut, 3.0 * typical.mag_noise_ut);
         let per_g = sensor.errors.gyro_per_g_rad_s;
         assert!(
             per_g

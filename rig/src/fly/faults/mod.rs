@@ -54,18 +54,21 @@
 //! is *harmless* if it was not, and all pulses were those of the flight without the fault, to
 //! within 2 us.
 
+mod frames;
 mod judge;
 mod named_enum;
 mod outcome;
 mod phase;
 mod plan;
+mod sound;
 mod system;
 
 pub use judge::neutral_us;
-pub use outcome::{Ending, Outcome, Unsafe};
+pub use outcome::{Ending, Outcome, Unsafe, Watched};
 pub use phase::Phase;
 pub use plan::Plan;
-pub use system::{SystemKind, valid_frame};
+pub use sound::{Alarms, Sound, SoundKind};
+pub use system::SystemKind;
 
 use crate::bno055::{Fault, FaultKind};
 use crate::fly::flight::{FlightError, Ready};
@@ -126,14 +129,17 @@ pub enum Kind {
     Sensor(FaultKind),
     /// The chip, its program or its host.
     System(SystemKind),
+    /// Nothing: this happens to a sound vehicle.
+    Sound(SoundKind),
 }
 
 impl Kind {
-    /// All of them, those of the sensor first.
+    /// All of them, those of the sensor first, those of sound vehicles last.
     pub fn all() -> Vec<Self> {
         let sensor = FaultKind::ALL.into_iter().map(Self::Sensor);
         let system = SystemKind::ALL.into_iter().map(Self::System);
-        sensor.chain(system).collect()
+        let sound = SoundKind::ALL.into_iter().map(Self::Sound);
+        sensor.chain(system).chain(sound).collect()
     }
 
     /// Its name on the command line, in files and in tables.
@@ -141,6 +147,7 @@ impl Kind {
         match self {
             Self::Sensor(kind) => kind.name(),
             Self::System(kind) => kind.name(),
+            Self::Sound(kind) => kind.name(),
         }
     }
 
@@ -149,6 +156,9 @@ impl Kind {
         match self {
             Self::Sensor(kind) => kind as u64,
             Self::System(kind) => FaultKind::ALL.len() as u64 + kind as u64,
+            Self::Sound(kind) => {
+                (FaultKind::ALL.len() + SystemKind::ALL.len()) as u64 + kind as u64
+            }
         }
     }
 }
@@ -223,6 +233,9 @@ impl Campaign {
     ///
     /// # Errors
     /// The rig stopped: the chip did something that its model does not cover.
+    ///
+    /// # Panics
+    /// Nothing fails in a case of this kind: [`Sound`] has those.
     pub fn run(&self, case: Case) -> Result<Outcome, FlightError> {
         let mut dice = generator(
             self.seed ^ case.kind.index() << 48 ^ u64::from(case.number) << 16,
@@ -270,6 +283,7 @@ impl Campaign {
                     other => other,
                 }
             }
+            Kind::Sound(kind) => panic!("{kind}: runs of sound vehicles are those of Sound"),
         }
     }
 
@@ -406,19 +420,10 @@ impl Campaign {
         fork: &Ready,
     ) -> Outcome {
         Outcome {
-            case,
             at_s: (begun.at - self.undisturbed.begin).as_secs_f64(),
             lasted_s: begun.lasted.as_secs_f64(),
-            fault,
-            ending,
-            unguarded_ms: 0.0,
-            wrong_ms: 0.0,
-            silent_ms: 0.0,
-            strays: 0,
-            for_ever: false,
-            noticed: false,
-            harmless: false,
             said: fork.station.last_text().unwrap_or_default().to_owned(),
+            ..Outcome::new(case, fault, ending)
         }
     }
 }

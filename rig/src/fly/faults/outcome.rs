@@ -5,7 +5,7 @@ use std::fmt;
 use client::StateKind;
 use samd21::board::Ticks;
 
-use super::{Case, DEADLINE};
+use super::{Alarms, Case, DEADLINE};
 
 /// How a run ended.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +20,8 @@ pub enum Ending {
     Unsafe(Unsafe),
     /// The program, as the fault had left it, did what the emulated chip does not model: this.
     Unmodelled(String),
+    /// Nothing was wrong with the vehicle, and these alarms came.
+    Alarmed(Alarms),
 }
 
 /// What was unsafe.
@@ -118,4 +120,39 @@ pub struct Outcome {
     pub harmless: bool,
     /// The firmware's last text.
     pub said: String,
+    /// What was watched of a sound vehicle.
+    pub watched: Watched,
+}
+
+/// How much of a sound vehicle's run was watched.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Watched {
+    /// Emulated time, s.
+    pub flown_s: f64,
+    /// Frames that the host sent.
+    pub frames: u64,
+    /// Bursts that the sensor was asked for.
+    pub bursts: usize,
+}
+
+impl Outcome {
+    /// With nothing but this of it.
+    pub(super) fn new(case: Case, fault: String, ending: Ending) -> Self {
+        Self {
+            case,
+            at_s: 0.0,
+            lasted_s: 0.0,
+            fault,
+            ending,
+            unguarded_ms: 0.0,
+            wrong_ms: 0.0,
+            silent_ms: 0.0,
+            strays: 0,
+            for_ever: false,
+            noticed: false,
+            harmless: false,
+            said: String::new(),
+            watched: Watched::default(),
+        }
+    }
 }

@@ -11,7 +11,7 @@ use tvc_nano::{Axis, Params};
 use super::named_enum::named_enum;
 use super::system;
 use crate::bno055::Fault;
-use crate::fly::flight::{FlightError, Ready};
+use crate::fly::flight::{ARM_PATIENCE, FlightError, Ready, Stage};
 use crate::observe::ground_truth::{Motion, Pulse};
 use crate::rig::Rig;
 
@@ -65,7 +65,7 @@ impl Phase {
 
     /// Brings a vehicle in standby to the phase's begin. Gives the instants, counted from there, at
     /// which faults may begin.
-    fn enter(
+    pub(super) fn enter(
         self,
         ready: &mut Ready,
         tilt_rad: [f64; Axis::COUNT],
@@ -99,19 +99,19 @@ impl Phase {
                 Ok(Ticks::ZERO..took)
             }
             Self::Armed => {
-                ready.station.arm(&mut ready.rig)?;
+                ready.arm(Stage::Tilt, ARM_PATIENCE, &mut |_| {})?;
                 Ok(AT_REST)
             }
             Self::Flight => {
+                ready.arm(Stage::Tilt, ARM_PATIENCE, &mut |_| {})?;
                 let Ready { rig, station, .. } = ready;
-                station.arm(rig)?;
                 station.release(rig, START_RATE_RAD_S)?;
                 station.begin_measurement();
                 Ok(IN_FLIGHT)
             }
             Self::Failsafe => {
+                ready.arm(Stage::Tilt, ARM_PATIENCE, &mut |_| {})?;
                 let Ready { rig, station, .. } = ready;
-                station.arm(rig)?;
                 station.release(rig, START_RATE_RAD_S)?;
                 station.run(rig, IN_FLIGHT.start)?;
                 rig.inject(Fault::Unplugged);
@@ -227,14 +227,14 @@ impl Undisturbed {
 }
 
 /// Whether two sets differ in nothing but what a vehicle measures of its own parts.
-fn is_same(one: &Params, other: &Params) -> bool {
+pub(super) fn is_same(one: &Params, other: &Params) -> bool {
     (0..Params::count())
         .filter(|index| ![Params::STRETCH, Params::CLOCK].contains(index))
         .all(|index| one.by_index(index) == other.by_index(index))
 }
 
 /// What the next start would find in flash.
-fn stored(rig: &Rig) -> (Params, Loaded) {
+pub(super) fn stored(rig: &Rig) -> (Params, Loaded) {
     let flash = &rig.chip().flash()[store::STORE_ADDRESS as usize..];
     let bytes = flash.first_chunk().expect("the store ends with the flash");
     store::load_bytes(bytes)

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use super::named_enum::named_enum;
-use super::{GLITCHES, Kind, Phase, SystemKind};
+use super::{GLITCHES, Kind, Phase, SoundKind, SystemKind};
 use crate::bno055::FaultKind;
 
 named_enum! {
@@ -19,6 +19,8 @@ named_enum! {
     Resets = "resets",
     /// Each bit of the servo timer's registers flips.
     TimerBits = "timer-bits",
+    /// No fault at all: what the firmware does to a sound vehicle.
+    Sound = "sound",
 }
 
 /// What ends in a reset by the firmware itself. A reboot is obeyed where nothing is armed.
@@ -52,6 +54,10 @@ impl Plan {
                 of_phase.map(|(kind, _)| Kind::System(kind)).collect()
             }
             Self::TimerBits => vec![Kind::System(SystemKind::TimerRegister)],
+            Self::Sound => {
+                let kinds = SoundKind::of(phase).into_iter();
+                kinds.map(Kind::Sound).collect()
+            }
         }
     }
 
@@ -59,6 +65,11 @@ impl Plan {
     pub fn phases(self) -> Vec<Phase> {
         match self {
             Self::Resets => vec![Phase::Flight, Phase::Armed, Phase::Standby],
+            Self::Sound => {
+                let mut phases = Phase::ALL.to_vec();
+                phases.retain(|phase| !self.kinds(*phase).is_empty());
+                phases
+            }
             _ => vec![Phase::Flight],
         }
     }

@@ -9,9 +9,9 @@ use rand::Rng;
 use rand::seq::IndexedRandom;
 use samd21::board::Ticks;
 use samd21::upset::core_registers;
-use tvc_nano::params::TABLE;
 use tvc_nano::store;
 
+use super::frames::valid_frame;
 use super::judge::Blame;
 use super::named_enum::named_enum;
 use crate::fly::flight::{FlightError, Ready};
@@ -399,37 +399,6 @@ fn run_into_loop(rig: &mut Rig) -> Result<(), FlightError> {
         rig.run_for(Ticks(20))?;
     }
     Ok(())
-}
-
-/// A frame that the vehicle takes: a command of any number with any values, a parameter that it
-/// has with any value, or a question.
-pub fn valid_frame(dice: &mut impl Rng) -> Vec<u8> {
-    let orders = [
-        request::MAY_ARM,
-        request::ARM,
-        request::DISARM,
-        request::RELEASE,
-        request::CALIBRATE,
-        request::VERSION,
-        request::SAVE,
-        request::RELOAD,
-        request::RESET,
-    ];
-    let message = match dice.random_range(0..10) {
-        0..4 => orders.choose(dice).unwrap_or(&request::VERSION).message(),
-        4..8 => {
-            let info = TABLE.choose(dice).unwrap_or(&TABLE[0]);
-            let value = match dice.random_range(0..4) {
-                0 => info.default,
-                1 => f32::from_bits(dice.random()),
-                _ => info.default + dice.random_range(-2.0..2.0),
-            };
-            request::set_parameter(info.name, value)
-        }
-        8 => request::list_parameters(),
-        _ => request::heartbeat(),
-    };
-    Wire::default().frame(&message)
 }
 
 fn end(rig: &mut Rig, end: ProgramEnd) -> String {

@@ -7,7 +7,7 @@
 mod sensor;
 mod system;
 #[cfg(test)]
-mod testing;
+pub(super) mod testing;
 
 pub(crate) use sensor::{SensorRun, judge_sensor};
 pub(crate) use system::{Blame, SystemRun, judge_system};
@@ -61,7 +61,7 @@ impl Rudder<'_> {
     }
 
     /// Whether a pulse is the neutral one, made with a clock that is this far off, relative.
-    fn is_neutral_by(&self, pulse: &Pulse, clock_error: f64) -> bool {
+    pub(crate) fn is_neutral_by(&self, pulse: &Pulse, clock_error: f64) -> bool {
         let (least, most) = (self.neutral_us.start(), self.neutral_us.end());
         let slack = 1.0 / (1.0 - clock_error.abs());
         (least / slack..=most * slack).contains(&pulse.width_us())

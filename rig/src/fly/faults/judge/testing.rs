@@ -6,16 +6,16 @@ use samd21::board::Ticks;
 use crate::ground_station::Heartbeat;
 use crate::observe::ground_truth::{Asked, Motion, Pulse, Roll};
 
-pub(super) const ACTIVE: f64 = 1600.0;
-pub(super) const NEUTRAL: f64 = 1523.6;
-pub(super) const FRAME: Ticks = Ticks::from_ms(20);
+pub(crate) const ACTIVE: f64 = 1600.0;
+pub(crate) const NEUTRAL: f64 = 1523.6;
+pub(crate) const FRAME: Ticks = Ticks::from_ms(20);
 
-pub(super) fn ms(ms: u64) -> Ticks {
+pub(crate) fn ms(ms: u64) -> Ticks {
     Ticks::from_ms(ms)
 }
 
 /// The drone at rest at a pitch.
-pub(super) fn motion(pitch_rad: f64) -> Vec<Motion> {
+pub(crate) fn motion(pitch_rad: f64) -> Vec<Motion> {
     let at = |time| Motion {
         time: ms(time),
         pitch_rad,
@@ -28,7 +28,7 @@ pub(super) fn motion(pitch_rad: f64) -> Vec<Motion> {
     (0..1000).map(at).collect()
 }
 
-pub(super) fn beat(at: u64, state: StateKind) -> Heartbeat {
+pub(crate) fn beat(at: u64, state: StateKind) -> Heartbeat {
     Heartbeat {
         at: ms(at),
         state: Some(state),
@@ -38,7 +38,7 @@ pub(super) fn beat(at: u64, state: StateKind) -> Heartbeat {
 }
 
 /// As wide as it was asked for.
-pub(super) fn pulse(rise: Ticks, width_us: f64) -> Pulse {
+pub(crate) fn pulse(rise: Ticks, width_us: f64) -> Pulse {
     let width = Ticks::from_secs_f64(width_us * 1e-6);
     Pulse {
         rise,
@@ -48,7 +48,7 @@ pub(super) fn pulse(rise: Ticks, width_us: f64) -> Pulse {
 }
 
 /// The same, cut to a width.
-pub(super) fn cut(pulse: Pulse, width_us: f64) -> Pulse {
+pub(crate) fn cut(pulse: Pulse, width_us: f64) -> Pulse {
     Pulse {
         fall: pulse.rise + Ticks::from_secs_f64(width_us * 1e-6),
         ..pulse
