@@ -40,7 +40,7 @@ const WORDS: [&str; 15] = [
 const ELSEWHERE: [(&str, &str); 10] = [
     ("ground/src/examples.rs", "the documents of the source tree"),
     (
-        "rig/src/fly/faults/system.rs",
+        "rig/src/fly/faults/frames.rs",
         "frames that the rig's host sends",
     ),
     (

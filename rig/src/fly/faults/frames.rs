@@ -12,6 +12,11 @@ use tvc_nano::params::{Change, Range, TABLE};
 
 use super::Phase;
 
+/// The frame of a message.
+pub(super) fn frame(message: &MavMessage) -> Vec<u8> {
+    Wire::default().frame(message)
+}
+
 /// A frame that the vehicle takes: a command of any number with any values, a parameter that it
 /// has with any value, or a question.
 pub(super) fn valid_frame(dice: &mut impl Rng) -> Vec<u8> {
@@ -39,7 +44,7 @@ pub(super) fn valid_frame(dice: &mut impl Rng) -> Vec<u8> {
         }
         _ => question(dice),
     };
-    Wire::default().frame(&message)
+    frame(&message)
 }
 
 /// A frame that leaves a vehicle in this phase as it is, but for a parameter that is not far from
@@ -91,7 +96,7 @@ pub(super) fn harmless_frame(phase: Phase, params: &Params, dice: &mut impl Rng)
         5..7 => near(params, dice),
         _ => question(dice),
     };
-    Wire::default().frame(&message)
+    frame(&message)
 }
 
 /// A parameter that may change at any time, to within 3 % of its value in `params`.

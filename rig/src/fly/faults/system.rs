@@ -4,14 +4,14 @@
 //! reset restores. A line that sticks, a clock that is off and a host that misbehaves last as long
 //! as the fault does.
 
-use client::{Wire, request};
+use client::request;
 use rand::Rng;
 use rand::seq::IndexedRandom;
 use samd21::board::Ticks;
 use samd21::upset::core_registers;
 use tvc_nano::store;
 
-use super::frames::valid_frame;
+use super::frames::{frame, valid_frame};
 use super::judge::Blame;
 use super::named_enum::named_enum;
 use crate::fly::flight::{FlightError, Ready};
@@ -304,7 +304,7 @@ impl SystemFault {
                     params: [action, 0.0],
                     ..request::REBOOT
                 };
-                rig.usb_write(&Wire::default().frame(&order.message()));
+                rig.usb_write(&frame(&order.message()));
                 format!("action {action}")
             }
             SystemKind::UsbFlood => self.host(HostFault::Flood, "noise"),

@@ -1,7 +1,7 @@
 //! What happens to a sound vehicle in a run, millisecond by millisecond: what moves, strikes and
 //! surrounds its sensor, and what its host does.
 
-use client::{Wire, request};
+use client::request;
 use rand::Rng;
 use rand::seq::IndexedRandom;
 use samd21::board::Ticks;
@@ -13,7 +13,7 @@ use crate::bench::{Knock, Magnet};
 use crate::bno055::{Fault, STANDARD_GRAVITY_M_S2};
 use crate::disturbance::Vibration;
 use crate::fly::faults::Phase;
-use crate::fly::faults::frames::{harmless_frame, near, valid_frame};
+use crate::fly::faults::frames::{frame, harmless_frame, near, valid_frame};
 use crate::fly::flight::{FlightError, Ready};
 use crate::sensor_motion::{SensorMotion, Shake};
 
@@ -272,9 +272,8 @@ impl Acts {
                 }
             }
             Host::Saves(every) if ms.is_multiple_of(every) => {
-                let wire = &mut Wire::default();
-                rig.usb_write(&wire.frame(&near(params, dice)));
-                rig.usb_write(&wire.frame(&request::SAVE.message()));
+                rig.usb_write(&frame(&near(params, dice)));
+                rig.usb_write(&frame(&request::SAVE.message()));
                 self.frames += 2;
             }
             Host::Saves(_) => {}
