@@ -9,9 +9,9 @@ fn prescaler(ctrla: u32) -> u64 {
     [1, 2, 4, 8, 16, 64, 256, 1024][(ctrla >> 8 & 7) as usize]
 }
 
-/// A running counter on one ramp. COUNT was `from`, the ramp's begin, when `start` counts had passed
-/// since `origin`; it goes up, or down, and the ramp ends after `length` counts. All times are
-/// worked out from `origin`, so fractions of a tick do not add up.
+/// A running counter on one ramp. COUNT was `from`, the ramp's begin, when `start` counts had
+/// passed since `origin`; it goes up, or down, and the ramp ends after `length` counts. All times
+/// are worked out from `origin`, so fractions of a tick do not add up.
 #[derive(Clone, Copy, Debug)]
 struct Run {
     rate: Rate,

@@ -24,14 +24,14 @@
 //! not the firmware noticed that its data were wrong.
 //!
 //! # Stray pulses
-//! A pulse that is neither neutral nor as wide as the program had asked for when it rose is a *stray*
-//! one: a reset has cut it, or a wrong register has made it. A servo goes where the last pulse says,
-//! so a stray one is unsafe by itself, and so is a pin that stays high. Two things excuse it. Where
-//! the fault is a wrong register or clock, which makes wrong pulses until it is noticed, only the
-//! last one before a silence is unsafe; the others count as driven wrongly (below). And where the
-//! pulses end with the fault and no instruction runs that could prevent it (a reset from outside, a
-//! clock that stands still, interrupts held off for ever, a core in lock-up), stray pulses are
-//! counted alone.
+//! A pulse that is neither neutral nor as wide as the program had asked for when it rose is a
+//! *stray* one: a reset has cut it, or a wrong register has made it. A servo goes where the last
+//! pulse says, so a stray one is unsafe by itself, and so is a pin that stays high. Two things
+//! excuse it. Where the fault is a wrong register or clock, which makes wrong pulses until it is
+//! noticed, only the last one before a silence is unsafe; the others count as driven wrongly
+//! (below). And where the pulses end with the fault and no instruction runs that could prevent it
+//! (a reset from outside, a clock that stands still, interrupts held off for ever, a core in
+//! lock-up), stray pulses are counted alone.
 //!
 //! # Beyond the sensor
 //! There the data are good and what becomes of them may be wrong. A rudder is *driven wrongly* by a

@@ -1,8 +1,9 @@
 //! How a run ended, judged by what can be seen from outside: of the sensor and its cable
 //! ([`judge_sensor`]), and of what fails beyond them ([`judge_system`]).
 //!
-//! Both look for *stray* pulses: those that are neither neutral nor as wide as the program had asked
-//! for when they rose. A reset of the chip or its timer cuts one, a wrong register makes others.
+//! Both look for *stray* pulses: those that are neither neutral nor as wide as the program had
+//! asked for when they rose. A reset of the chip or its timer cuts one, a wrong register makes
+//! others.
 
 mod sensor;
 mod system;
