@@ -15,10 +15,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use rig::faults::{Campaign, Case, Kind, Outcome, Phase, Plan, Sound};
 use rig::flight::FlightError;
-use rig::{ServoKind, Setup, Ticks, prepare};
+use rig::{Image, ServoKind, Setup, Ticks, prepare};
 
 use crate::flight::vehicle::VehicleKind;
-use crate::image::ImageOption;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::write_table;
 use crate::out::kind::{self, Kind as FileKind};
@@ -74,9 +73,10 @@ fn fly(options: &Faults) -> Result<Verdict> {
     kind::try_folder(&options.unsafe_runs)?;
     let begun = Instant::now();
     let mut of_shard = Shard::of(options, &all)?;
+    let image = options.image.image()?;
     let mut rows = Vec::new();
     for flown in &all {
-        let campaign = campaign(&options.image, flown)?;
+        let campaign = campaign(&image, flown)?;
         let cases = of_shard.cases(options, flown, &campaign);
         rows.extend(carry_out(&campaign, &cases, flown, options)?);
     }
@@ -132,7 +132,7 @@ pub fn merged(path: &Path) -> Result<String> {
 /// Carries out one run again.
 fn replay(options: &Replay) -> Result<Verdict> {
     let (flown, case) = Scenario::read(&options.file)?;
-    let outcome = campaign(&options.image, &flown)?.run(case)?;
+    let outcome = campaign(&options.image.image()?, &flown)?.run(case)?;
     let row = Row::new(&flown, &outcome);
     let figures = summary::figures(std::slice::from_ref(&row), None);
     let said = Figures::from([
@@ -173,14 +173,12 @@ impl Base {
 }
 
 /// The flight, or another phase, that is to be disturbed, or the vehicle that is sound.
-fn campaign(image: &ImageOption, flown: &Flown) -> Result<Base> {
-    let image = image.image()?;
-    let bar = spinner("boot and flight, or another phase, without a fault");
+fn campaign(image: &Image, flown: &Flown) -> Result<Base> {
     let mut setup = Setup::with_polarity(flown.servo, flown.seed);
     setup.rig.hardware = flown.hardware.parse().map_err(BadInput::new)?;
     flown.vehicle.hang(&mut setup.rig)?;
     if flown.plan == Plan::Sound {
-        let sound = Sound::new(&image, setup, flown.phase).with_hardware(&flown.hardware);
+        let sound = Sound::new(image, setup, flown.phase).with_hardware(&flown.hardware);
         let sound = sound.map_err(BadInput::new)?;
         let sound = match flown.seconds {
             Some(seconds) => sound.lasting(Ticks::from_ms(1000 * u64::from(seconds))),
@@ -188,7 +186,8 @@ fn campaign(image: &ImageOption, flown: &Flown) -> Result<Base> {
         };
         return Ok(Base::Sound(Box::new(sound)));
     }
-    let ready = prepare(&image, &setup, &mut |_| {})?;
+    let bar = spinner("boot and flight, or another phase, without a fault");
+    let ready = prepare(image, &setup, &mut |_| {})?;
     let frame_hz = f64::from(flown.servo.frame_hz());
     let campaign = Campaign::new(&ready, frame_hz, flown.phase, flown.seed)
         .with_context(|| format!("phase {}, which is to be disturbed", flown.phase))?;
