@@ -319,6 +319,7 @@ impl Run<'_> {
             frame: Ticks::from_secs_f64(1.0 / self.parts.frame_hz),
             clock_error: match phase {
                 Phase::Start => ready.rig.clock_error(),
+                _ if ready.rig.resets().len() > resets => ready.rig.clock_error(),
                 _ => LOCKED,
             },
             truth,
