@@ -93,8 +93,8 @@ pub enum Bus {
     Broken,
 }
 
-/// The hardware, as far as the application uses it. A call takes some microseconds; only a repair of
-/// the bus, a STOP that the sensor holds up, flash and [`Board::bringup`] wait, for up to 66 ms.
+/// The hardware, as far as the application uses it. A call takes some microseconds; only a repair
+/// of the bus, a STOP that the sensor holds up, flash and [`Board::bringup`] wait, for up to 66 ms.
 pub trait Board: Sum {
     /// Where parameters are stored.
     type Flash: NorFlash;

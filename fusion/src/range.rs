@@ -459,8 +459,8 @@ mod tests {
 
     #[test]
     fn the_hidden_angle_is_given_back() {
-        // Half a period from 0 to pi/12 s: of the area above 8 rad/s, 10/12 * 2 cos(a) - 8 * 2 b / 12
-        // with a = asin(0.8), b = pi/2 - a.
+        // Half a period from 0 to pi/12 s: of the area above 8 rad/s, 10/12 * 2 cos(a) - 8 * 2 b /
+        // 12 with a = asin(0.8), b = pi/2 - a.
         let b = (0.8f64).acos();
         let hidden = 10.0 / 6.0 * b.sin() - 8.0 * b / 6.0;
         let (given, times) = run(&mut Range::new(7.999), 8.0, 0.26);

@@ -57,8 +57,8 @@ pub(crate) fn add_outer<T: Real>(matrix: &mut [[T; 3]; 3], left: &[T; 3], right:
     }
 }
 
-/// A Kalman filter's update: `row . state` is seen to be larger by `left`, with this variance. Where
-/// rounding has made a variance negative along the row, nothing is learned.
+/// A Kalman filter's update: `row . state` is seen to be larger by `left`, with this variance.
+/// Where rounding has made a variance negative along the row, nothing is learned.
 pub(crate) fn observe<T: Real>(
     (state, covariance): (&mut [T; 3], &mut [[T; 3]; 3]),
     row: &[T; 3],

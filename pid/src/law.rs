@@ -36,9 +36,9 @@ pub trait Law<T: Scalar>: Sized {
     /// The state at rest: output zero, or the nearest limit.
     fn at_rest(&self) -> Self::State;
 
-    /// One sample: setpoint, reading, and whether its output is sent to the actuator. An output that
-    /// is not sent is for the case that the next sample is missing. Inputs that are not numbers
-    /// leave the output as it was.
+    /// One sample: setpoint, reading, and whether its output is sent to the actuator. An output
+    /// that is not sent is for the case that the next sample is missing. Inputs that are not
+    /// numbers leave the output as it was.
     fn update(
         &self,
         state: &mut Self::State,

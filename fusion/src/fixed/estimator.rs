@@ -272,8 +272,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     }
 
     /// How far the estimate may be off, brought up to date once a block of about a quarter of a
-    /// second. Of a body in free flight ([`Estimator::coast`]) it says no more than that the tilt is
-    /// uncertain.
+    /// second. Of a body in free flight ([`Estimator::coast`]) it says no more than that the tilt
+    /// is uncertain.
     // Inlined, so that what nobody asks for is left out.
     #[inline(always)]
     pub fn quality(&self, state: &State) -> Quality {
@@ -300,8 +300,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         self.expect_large_gains(state);
     }
 
-    /// Find the attitude anew from the next block of samples on, as after [`Estimator::start`]. What
-    /// was learned of the sensors stays: offset and field.
+    /// Find the attitude anew from the next block of samples on, as after [`Estimator::start`].
+    /// What was learned of the sensors stays: offset and field.
     pub fn reset(&self, state: &mut State) {
         let before = *state;
         *state = State {

@@ -40,8 +40,8 @@ pub(super) mod sealed {
     impl Sealed for super::Late {}
 }
 
-/// Sensors of one instant: nothing is made good for, which costs nothing. A configuration with a lag
-/// is refused.
+/// Sensors of one instant: nothing is made good for, which costs nothing. A configuration with a
+/// lag is refused.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ideal;
 
