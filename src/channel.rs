@@ -26,21 +26,23 @@ pub(crate) struct ChannelState {
 }
 
 impl Channel {
-    /// An axis whose rudder rests at neutral.
-    pub(crate) fn new(params: &Params, axis: Axis) -> (Self, ChannelState) {
+    /// The channel of an axis.
+    pub(crate) fn new(params: &Params, axis: Axis) -> Self {
         let servo = Servo::new(params, axis);
-        let (controller, law) = Controller::new(params, axis, servo.travel_rad());
-        let state = ChannelState {
-            law,
-            crank: Q16::default(),
-            commanded: servo.neutral(),
-        };
-        let channel = Self {
+        Self {
             axis,
-            controller,
+            controller: Controller::new(params, axis, servo.travel_rad()),
             servo,
-        };
-        (channel, state)
+        }
+    }
+
+    /// The state of a rudder that rests at neutral.
+    pub(crate) fn at_rest(&self) -> ChannelState {
+        ChannelState {
+            law: self.controller.at_rest(),
+            crank: Q16::default(),
+            commanded: self.servo.neutral(),
+        }
     }
 
     /// Take over changed parameters. The last pulse stays, so that the next one still obeys the

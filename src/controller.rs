@@ -203,10 +203,10 @@ impl Default for LawState {
 }
 
 impl Controller {
-    /// A controller with commands up to `travel_rad` either side, and the state of its law at rest.
+    /// A controller with commands up to `travel_rad` either side.
     // Not inlined: its parts are large, and who builds it needs the stack for more.
     #[inline(never)]
-    pub fn new(params: &Params, axis: Axis, travel_rad: f32) -> (Self, LawState) {
+    pub fn new(params: &Params, axis: Axis, travel_rad: f32) -> Self {
         let mut controller = Self {
             law: Law::Surface(Surface::default()),
             shown: Pd {
@@ -217,9 +217,13 @@ impl Controller {
             travel: Q16::ZERO,
             ticks_per_us: TicksPerUs::new(params),
         };
-        let mut state = LawState::default();
-        controller.configure(&mut state, params, axis, travel_rad);
-        (controller, state)
+        controller.configure(&mut LawState::default(), params, axis, travel_rad);
+        controller
+    }
+
+    /// The state of its law at rest.
+    pub fn at_rest(&self) -> LawState {
+        self.law.at_rest()
     }
 
     /// Take over changed parameters, without a bump unless they choose another law.
@@ -410,7 +414,8 @@ mod tests {
     }
 
     fn running(params: &Params) -> Running {
-        let (controller, state) = Controller::new(params, Axis::Pitch, 1.0);
+        let controller = Controller::new(params, Axis::Pitch, 1.0);
+        let state = controller.at_rest();
         Running { controller, state }
     }
 

@@ -102,6 +102,43 @@ pub(crate) struct Memory {
     test_pulse: TestPulse,
 }
 
+impl Settings {
+    // Not inlined, so that the stack holds no part twice.
+    #[inline(never)]
+    fn new(params: Params) -> Result<Self, ConfigError> {
+        let timing = params.timing();
+        let mut gains = GainSchedule::default();
+        gains.configure(&params);
+        Ok(Self {
+            navigation: Navigation::new(&params)?,
+            launch: launch::Settings::new(&params),
+            gains,
+            ticks: Ticks::new(&timing),
+            channels: Axis::ALL.map(|axis| Channel::new(&params, axis)),
+            steered: params.axes().len(),
+            roll_is_due: false,
+            timing,
+            params,
+        })
+    }
+}
+
+impl Memory {
+    #[inline(never)]
+    fn new(settings: &Settings, report: BootReport) -> Self {
+        let mut supervisor = Supervisor::new(report);
+        supervisor.require_host(settings.params.fs_host() == 1.0);
+        Self {
+            carried: CarriedTicks::default(),
+            supervisor,
+            navigation: settings.navigation.at_rest(),
+            launch: Launch::default(),
+            channels: settings.channels.each_ref().map(Channel::at_rest),
+            test_pulse: TestPulse::NONE,
+        }
+    }
+}
+
 impl Flight {
     /// At start-up, with what the board found.
     ///
@@ -109,33 +146,10 @@ impl Flight {
     /// The estimator's configuration is impossible; no set of parameters within their ranges makes
     /// it so.
     pub fn new(params: Params, report: BootReport) -> Result<Self, ConfigError> {
-        let mut supervisor = Supervisor::new(report);
-        supervisor.require_host(params.fs_host() == 1.0);
-        let timing = params.timing();
-        let mut gains = GainSchedule::default();
-        gains.configure(&params);
-        let (navigation, navigated) = Navigation::new(&params)?;
-        let [pitch, roll] = Axis::ALL.map(|axis| Channel::new(&params, axis));
+        let settings = Settings::new(params)?;
         Ok(Self {
-            state: Memory {
-                carried: CarriedTicks::default(),
-                supervisor,
-                navigation: navigated,
-                launch: Launch::default(),
-                channels: [pitch.1, roll.1],
-                test_pulse: TestPulse::NONE,
-            },
-            settings: Settings {
-                navigation,
-                launch: launch::Settings::new(&params),
-                gains,
-                ticks: Ticks::new(&timing),
-                channels: [pitch.0, roll.0],
-                steered: params.axes().len(),
-                roll_is_due: false,
-                timing,
-                params,
-            },
+            state: Memory::new(&settings, report),
+            settings,
         })
     }
 

@@ -2,8 +2,8 @@
 //! control, servo, failsafe and telemetry. It decides everything and names no hardware; `src/board`
 //! knows the pins.
 //!
-//! [`Flight::step`] is the whole of it: a sample in, a pulse for each axis out. A log replay runs it;
-//! the image, on the chip and on the virtual rig, runs its three parts in turn.
+//! [`Flight::step`] is the whole of it: a sample in, a pulse for each axis out. A log replay runs
+//! it; the image, on the chip and on the virtual rig, runs its three parts in turn.
 //!
 //! Body axes: x forward, y right, z down. Earth axes: north, east, down. Pitch is positive nose up,
 //! roll right side down.

@@ -147,14 +147,18 @@ impl Navigation {
     /// it so.
     // Not inlined: who builds it needs the stack for more.
     #[inline(never)]
-    pub fn new(params: &Params) -> Result<(Self, State), ConfigError> {
+    pub fn new(params: &Params) -> Result<Self, ConfigError> {
         let settings = Settings::of(params);
-        let navigation = Self {
+        Ok(Self {
             estimator: settings.estimator()?,
             settings,
-        };
-        let state = State {
-            kept: navigation.start(FIELD_LOST_US),
+        })
+    }
+
+    /// The state before the first sample.
+    pub fn at_rest(&self) -> State {
+        State {
+            kept: self.start(FIELD_LOST_US),
             last: None,
             counts: Counts {
                 gyr: [0; 3],
@@ -163,8 +167,7 @@ impl Navigation {
             },
             refresh_us: ESTIMATOR_PERIOD_US,
             rate_age_us: None,
-        };
-        Ok((navigation, state))
+        }
     }
 
     fn start(&self, field_age_us: u32) -> Kept {

@@ -36,7 +36,8 @@ impl Law {
         });
         let ticks = (WATCHED_S / control_s) as u32;
         let begun_s = first_s - f64::from(ticks) * control_s;
-        let (controller, state) = Controller::new(params, Axis::Pitch, COMMAND_LIMIT_RAD as f32);
+        let controller = Controller::new(params, Axis::Pitch, COMMAND_LIMIT_RAD as f32);
+        let state = controller.at_rest();
         let mut law = Self {
             controller,
             state,

@@ -1,5 +1,5 @@
-//! Files that a command is to write, looked at before its work begins. Their places must take files,
-//! and none of another kind may be there, which would mostly be the command's own input.
+//! Files that a command is to write, looked at before its work begins. Their places must take
+//! files, and none of another kind may be there, which would mostly be the command's own input.
 
 use std::fs::File;
 use std::io::Read;

@@ -95,8 +95,8 @@ pub fn run(options: &Monitor) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// The vehicle's maps from servo angle to pulse, by axis; those of the defaults where the vehicle is
-/// of another firmware, which is said.
+/// The vehicle's maps from servo angle to pulse, by axis; those of the defaults where the vehicle
+/// is of another firmware, which is said.
 ///
 /// # Errors
 /// The port went away, or the person wants an end.

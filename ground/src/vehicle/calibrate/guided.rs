@@ -62,8 +62,8 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     Ok(Verdict::of(figures.refused.is_empty()))
 }
 
-/// Leads through the calibration, shows what was found and writes it, if the person agrees; also why
-/// a file could not be written, which takes nothing of the calibration away.
+/// Leads through the calibration, shows what was found and writes it, if the person agrees; also
+/// why a file could not be written, which takes nothing of the calibration away.
 ///
 /// # Errors
 /// The vehicle does not answer, or the person wants an end.

@@ -1,5 +1,5 @@
-//! A parameter as people see it: its value, what it means, what it belongs to, and which control laws
-//! use it.
+//! A parameter as people see it: its value, what it means, what it belongs to, and which control
+//! laws use it.
 
 use client::Parameter;
 use serde::Serialize;
@@ -205,7 +205,8 @@ mod tests {
 
     /// What a control law puts out in a motion that swings, with the rudder's model and trim.
     fn outputs(params: &Params) -> Vec<f32> {
-        let (controller, mut state) = Controller::new(params, Axis::Pitch, 1.0);
+        let controller = Controller::new(params, Axis::Pitch, 1.0);
+        let mut state = controller.at_rest();
         let motion = (0..400).map(|tick| {
             let time_s = tick as f32 / 150.0;
             let (sin, cos) = (3.0 * time_s).sin_cos();

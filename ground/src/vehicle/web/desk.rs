@@ -147,8 +147,8 @@ pub struct Desk {
 }
 
 impl Desk {
-    /// A desk in front of a vehicle, whose logs go to a folder, and which may be a rig. A `reporter`
-    /// is this program.
+    /// A desk in front of a vehicle, whose logs go to a folder, and which may be a rig. A
+    /// `reporter` is this program.
     pub fn new(
         (token, once): (Token, Once),
         vehicle: Handle,
