@@ -9,8 +9,17 @@ use std::{env, fs};
 
 use image_build::{BuildError, Builder, FIRMWARE_SOURCES, Source, Toolchain, build_id};
 
-/// Folders of what the tool itself is made from.
-const TOOL_SOURCES: [&str; 3] = ["ground/src", "client/src", "rig/src"];
+/// Folders of what the tool itself is made from, and what it computes with.
+const TOOL_SOURCES: [&str; 8] = [
+    "calibration/src",
+    "client/src",
+    "ground/src",
+    "plant/src",
+    "recordings/src",
+    "report/src",
+    "rig/src",
+    "samd21/src",
+];
 
 fn main() -> ExitCode {
     println!("cargo::rerun-if-changed=build.rs");

@@ -4,7 +4,7 @@
     python3 tools/filter_tables.py --broad FOLDER    with the seven recordings of BROAD as IMUQ16v1 files
 
 Each table stands between two comments with its name. Without --broad only the costs are written. Needs the tool built
-(`cargo build -p ground --profile tool`); takes about two minutes.
+(`cargo build -p ground -p lab --profile tool`); takes about two minutes.
 """
 
 import argparse
@@ -18,7 +18,7 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 README = ROOT / "fusion" / "README.md"
-TOOL = ROOT / "target" / "tool" / "tvc"
+TOOLS = ROOT / "target" / "tool"
 HEADER, RECORD = 64, 28
 
 FILTERS = [
@@ -54,15 +54,16 @@ CLIPPED = [
 ]
 
 
-def tvc(*arguments):
-    done = subprocess.run([TOOL, *map(str, arguments)], capture_output=True, text=True)
+def told(program, *arguments):
+    """The JSON object that `tvc` or `lab` prints."""
+    done = subprocess.run([TOOLS / program, *map(str, arguments)], capture_output=True, text=True)
     if done.returncode != 0:
-        sys.exit(f"tvc {' '.join(map(str, arguments))}: {done.stderr.strip()}")
+        sys.exit(f"{program} {' '.join(map(str, arguments))}: {done.stderr.strip()}")
     return json.loads(done.stdout)
 
 
 def mean(files, *options):
-    return tvc("fuse", "--score", "--json", *options, *files)["mean"]
+    return told("tvc", "fuse", "--score", "--json", *options, *files)["mean"]
 
 
 def all_three(score):
@@ -123,7 +124,7 @@ def clipping(files):
 
 def costs():
     names = [f"--filter={name}" for name in sorted({filter_ for _, filter_, _ in COSTS})]
-    found = tvc("cycles", "--json", "--library", "tvc-fusion", *names)["filters"]
+    found = told("lab", "cycles", "--json", "--library", "tvc-fusion", *names)["filters"]
     rows = []
     for name, filter_, scalar in COSTS:
         [cost] = [row for row in found if (row["filter"], row["mode"], row["scalar"]) == (filter_, "9d", scalar)]

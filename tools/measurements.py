@@ -32,14 +32,19 @@ class Failed(Exception):
     """A command that gave no figures."""
 
 
-def tvc(*arguments):
+def tvc(*arguments, program="tvc"):
     """The JSON object that `tvc ARGUMENTS --json` prints. Status 1 is a missed requirement and still has figures."""
-    command = ["cargo", "tvc", *map(str, arguments), "--json"]
+    command = ["cargo", program, *map(str, arguments), "--json"]
     print(" ".join(command), file=sys.stderr, flush=True)
     result = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
     if result.returncode not in (0, 1) or not result.stdout.strip():
         raise Failed(f"`{' '.join(command)}` ended with status {result.returncode}")
     return json.loads(result.stdout)
+
+
+def lab(*arguments):
+    """As `tvc`, of `lab`."""
+    return tvc(*arguments, program="lab")
 
 
 def table(head, rows):
@@ -65,8 +70,8 @@ def flights(scratch):
     head = ["from 0.2 / 0.4 / 0.8 rad with 0.2 rad/s", "mean", "95 %", "worst"]
     text = f"## Flights\n`cargo tvc fly --servo SERVO --seeds {SEEDS} --json`: {SEEDS} flights from each tilt, to either " \
            "side in turn. The limit is bang-bang control with the rudder's rate limited, without delay and lag.\n\n"
-    tick = tvc("profile", "--wait-states", 0, "--report", scratch / "profile.html")
-    loop = the_loop(tvc("fly", "--report", report), tick["cycles_per_tick"], tvc("stack"))
+    tick = lab("profile", "--wait-states", 0, "--report", scratch / "profile.html")
+    loop = the_loop(tvc("fly", "--report", report), tick["cycles_per_tick"], lab("stack"))
     return text + table(head, rows) + "\n" + loop, flight_picture(report.read_text(encoding="utf-8"))
 
 
@@ -106,7 +111,7 @@ def the_loop(flight, tick_cycles, stack):
          f"{speed['real_time_factor']:.1f} x real time; {speed['busy_real_time_factor']:.1f} x while the core is awake",
          "3 x"],
     ]
-    return "## The loop\n`cargo tvc fly --seed 1 --json`, S3003, `cargo tvc profile --wait-states 0 --json` and `cargo tvc stack --json`.\n\n" + table(["", "measured", "required"], rows)
+    return "## The loop\n`cargo tvc fly --seed 1 --json`, S3003, `cargo lab profile --wait-states 0 --json` and `cargo lab stack --json`.\n\n" + table(["", "measured", "required"], rows)
 
 
 def control_law(scratch):
@@ -159,24 +164,24 @@ def monte_carlo(scratch):
 
 def faults(scratch):
     """Faults in mid-flight, and what fails beyond the sensor in the vehicle's other phases."""
-    campaign = tvc("faults", "--report", scratch / "faults.html")
+    campaign = lab("faults", "--report", scratch / "faults.html")
     kinds = campaign["faults"]
     total = {key: sum(kind[key] for kind in kinds) for key in ("runs", "recovered", "neutral", "restarted", "unsafe")}
     slowest = max(kinds, key=lambda kind: kind["worst_ms"])
     phases = []
     for phase in ("start", "standby", "saving", "armed", "failsafe"):
-        of = tvc("faults", "--phase", phase, "--report", scratch / "phase.html")["faults"]
+        of = lab("faults", "--phase", phase, "--report", scratch / "phase.html")["faults"]
         runs, unsafe = (sum(kind[key] for kind in of) for key in ("runs", "unsafe"))
         phases.append(f"{phase} {unsafe} of {runs:,}")
-    glitches = tvc("faults", "--glitches", "--report", scratch / "glitches.html")["faults"]
+    glitches = lab("faults", "--glitches", "--report", scratch / "glitches.html")["faults"]
     ridden, all_glitches = (sum(kind[key] for kind in glitches) for key in ("recovered", "runs"))
-    return (f"## Faults\n`cargo tvc faults --json`: {total['runs']:,} faults of {len(kinds)} kinds in mid-flight. "
+    return (f"## Faults\n`cargo lab faults --json`: {total['runs']:,} faults of {len(kinds)} kinds in mid-flight. "
             f"{total['recovered']:,} recovered, {total['neutral']:,} ended with the neutral pulse commanded, "
             f"{total['restarted']:,} behind a reset, {total['unsafe']:,} were unsafe. The longest without control took "
             f"{slowest['worst_ms']:.0f} ms (`{slowest['kind']}`); {campaign['deadline_ms']:.0f} ms are allowed of the "
             f"sensor's, {campaign['wrong_limit_ms']:.0f} of the others. Of flipped bits and peripherals that fail "
             f"{campaign['upset_noticed_pct']:.0f} % were noticed and {campaign['upset_harmless_pct']:.0f} % harmless. "
-            f"Unsafe in other phases (`--phase`): {', '.join(phases)}. `cargo tvc faults --glitches --json`: "
+            f"Unsafe in other phases (`--phase`): {', '.join(phases)}. `cargo lab faults --glitches --json`: "
             f"{ridden} of {all_glitches} glitches of 4 to 40 ms were ridden out.\n")
 
 
@@ -194,14 +199,14 @@ def two_axes(scratch):
     for vehicle in ("drone", "drone2"):
         flown = tvc("fly", "--vehicle", vehicle, "--dispersed", 500, "--report", scratch / "dispersed.html")
         dispersed.append(f"{flown['within_pct']:.2f} % of 500 vehicles like `{vehicle}`")
-    kinds = tvc("faults", "--vehicle", "drone2", "--report", scratch / "faults2.html")["faults"]
+    kinds = lab("faults", "--vehicle", "drone2", "--report", scratch / "faults2.html")["faults"]
     runs, unsafe = (sum(kind[key] for kind in kinds) for key in ("runs", "unsafe"))
     head = ["servos", "start", "overshoot, worst", "5 % settling, mean / worst", "cross coupling, worst"]
     return ("## Two axes\n`cargo tvc fly --vehicle drone2 --servo SERVO --seeds 12 --json`: each start at headings of 0, 90 "
             "and 135 deg, without spin and with 1 rad/s.\n\n" + table(head, rows) +
             f"\nA step of both axes takes {steps[0]['cycles_per_step_mean']:,.0f} cycles without wait states, "
             f"{steps[0]['cycles_per_step_max']:,.0f} at worst. Of the image flown with `--dispersed 500`, "
-            f"{' and '.join(dispersed)} came upright within 30 % and 1.5 s. `cargo tvc faults --vehicle drone2`: "
+            f"{' and '.join(dispersed)} came upright within 30 % and 1.5 s. `cargo lab faults --vehicle drone2`: "
             f"{unsafe} of {runs:,} were unsafe.\n")
 
 
@@ -230,13 +235,13 @@ def rocket(scratch):
 
 def hardware(scratch):
     """Parts that differ; docs/hardware.md has the table."""
-    campaign = tvc("hardware", "--report", scratch / "hardware.html")
+    campaign = lab("hardware", "--report", scratch / "hardware.html")
     rows = campaign["rows"]
     expected = sum(row["as_expected"] for row in rows)
     flown = [row for row in rows if row["ended"] == "flies"]
     worst = {key: max(row[key] for row in flown)
              for key in ("overshoot_pct", "settling_s3003_s", "settling_digital_s", "latency_us", "jitter_us_max")}
-    return (f"## Parts that differ\n`cargo tvc hardware --json`: {len(rows)} settings of sensor, bus, chip and computer, "
+    return (f"## Parts that differ\n`cargo lab hardware --json`: {len(rows)} settings of sensor, bus, chip and computer, "
             f"six flights each; [the table](hardware.md#what-was-flown). {expected} ended as expected, and {len(flown)} "
             f"met every requirement: overshoot at most {worst['overshoot_pct']:.1f} %, settling "
             f"{worst['settling_s3003_s']:.3f} s (S3003) and {worst['settling_digital_s']:.3f} s (digital), latency "
@@ -260,7 +265,7 @@ def replays(scratch, broad):
 def filters(broad):
     """Scores on recordings and cycles on the chip."""
     costs = {(cost["filter"].lower(), cost["scalar"]): cost
-             for cost in tvc("cycles", "--library", "tvc-fusion")["filters"] if cost["mode"] == "9d"}
+             for cost in lab("cycles", "--library", "tvc-fusion")["filters"] if cost["mode"] == "9d"}
     rows = []
     for name, scalar in FILTERS:
         cost = costs[(name, scalar)]
@@ -271,7 +276,7 @@ def filters(broad):
             row += [f"{score[key]:.2f} deg" for key in ("total_deg", "heading_deg", "inclination_deg")]
         rows.append(row)
     head = ["filter, 9D", "cycles an update, mean / worst", "code, bytes"]
-    text = "## Filters\nCycles of `cargo tvc cycles --json` (opt-level 3, no wait states)"
+    text = "## Filters\nCycles of `cargo lab cycles --json` (opt-level 3, no wait states)"
     if broad:
         head += ["total", "heading", "inclination"]
         text += ("; scores are means of `cargo tvc fuse FILES --score --json` over "

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compares the stack of every function as `tvc stack` finds it in the machine code with what the compiler says that it gave
+"""Compares the stack of every function as `lab stack` finds it in the machine code with what the compiler says that it gave
 the function (`-Zemit-stack-sizes`, which a compiler of the stable channel has behind RUSTC_BOOTSTRAP).
 
 Functions that the compiler says nothing of were assembled or compiled elsewhere: the start of cortex-m-rt, and what takes
@@ -56,8 +56,8 @@ def main():
     folder = sys.argv[1] if len(sys.argv) > 1 else ROOT / "target" / "stack-sizes"
     image = build(Path(folder).resolve())
     told = stack_sizes(section(image.read_bytes(), ".stack_sizes"))
-    tvc = ["cargo", "tvc", "stack", "--image", str(image), "--json"]
-    found = json.loads(subprocess.run(tvc, cwd=ROOT, stdout=subprocess.PIPE).stdout)["largest"]
+    lab = ["cargo", "lab", "stack", "--image", str(image), "--json"]
+    found = json.loads(subprocess.run(lab, cwd=ROOT, stdout=subprocess.PIPE).stdout)["largest"]
     same, different, untold = 0, [], 0
     for function in found:
         size = told.get(int(function["at"], 16))

@@ -1,7 +1,7 @@
 //! An image that runs one update of one filter or control law again and again, between two
 //! breakpoints.
 //!
-//! Whoever runs it (`tvc cycles`) writes a sample to `INPUT` while the image stands at `BKPT #0`
+//! Whoever runs it (`lab cycles`) writes a sample to `INPUT` while the image stands at `BKPT #0`
 //! and counts the cycles until it stands at `BKPT #1`: the call, the update and the return, nothing
 //! else. A filter's update is what it takes from a sample in memory to an orientation in memory. At
 //! `BKPT #2` the direction that the filter takes for up lies in `UP`, so that a filter that is fed
@@ -22,5 +22,5 @@ mod image;
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    println!("this is for the chip: `cargo tvc cycles` builds, runs and weighs it");
+    println!("this is for the chip: `cargo lab cycles` builds, runs and weighs it");
 }

@@ -3,11 +3,8 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::filters::{cycles::Cycles, experiment::Experiment, fuse::Fuse};
-use crate::flight::{
-    faults::Faults, fly::Fly, hardware_campaign::HardwareCampaign, profile::Profile, rig::Rig,
-    stack::Stack,
-};
+use crate::filters::fuse::Fuse;
+use crate::flight::{fly::Fly, rig::Rig};
 use crate::logs::{convert::Convert, inspect::LogCommand, replay::Replay, report::Report};
 use crate::model::{Model, identify::Identify, montecarlo::MonteCarlo, tune::Tune};
 use crate::shell::{Completions, Man};
@@ -44,14 +41,6 @@ pub struct Cli {
 pub enum Command {
     /// Build the image, boot it on the virtual rig and let it bring the drone upright.
     Fly(Fly),
-    /// Fail sensor and cable at random instants of a flight, and count how it ends.
-    Faults(Faults),
-    /// Fly the image with chips, sensors and computers that differ, and print one table.
-    Hardware(HardwareCampaign),
-    /// Say where the cycles of an image go, by function.
-    Profile(Profile),
-    /// Find the worst case of the stack from the calls of an image.
-    Stack(Stack),
     /// Run the virtual rig in real time, its port behind a pseudo-terminal.
     Rig(Rig),
     /// Look at port, vehicle, builds and calibration, and say what to do next.
@@ -107,11 +96,6 @@ pub enum Command {
     MonteCarlo(MonteCarlo),
     /// Run an attitude filter on recordings, and score it against their references.
     Fuse(Fuse),
-    /// Repeat the thesis' two navigation experiments with simulated sensors.
-    Experiment(Experiment),
-    /// Measure what one update of every filter costs on the chip, beside the crates of the field,
-    /// or one of a control law.
-    Cycles(Cycles),
     /// Print the completions of a shell.
     Completions(Completions),
     /// Write manual pages of all commands.

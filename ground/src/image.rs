@@ -13,7 +13,7 @@ use clap::Args;
 use rig::image::{Image, build_in, workspace};
 
 use crate::input;
-use crate::out::exit::BadInput;
+use report::exit::BadInput;
 
 /// The image as `build.rs` has left it: empty unless the tool was built to be installed.
 const EMBEDDED: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/image.elf"));

@@ -13,8 +13,8 @@ use client::Parameter;
 use tvc_nano::Params;
 
 use crate::input;
-use crate::out::exit::BadInput;
 use crate::vehicle::calibrate::write::{POLARITY, SECOND_POLARITY};
+use report::exit::BadInput;
 
 /// What is said where a file names a polarity.
 pub const NO_POLARITY: &str = "polarity is not taken from a file: tvc calibrate polarity";

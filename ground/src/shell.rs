@@ -6,8 +6,8 @@ use anyhow::{Context, Result};
 use clap::{Args, Command};
 use clap_complete::Shell;
 
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::print;
+use report::exit::{BadInput, Verdict};
+use report::file::print;
 
 /// Options of `tvc completions`.
 #[derive(Debug, Args)]

@@ -1,4 +1,4 @@
-//! A sample of the campaign of faults; `tvc faults` carries out the whole of it.
+//! A sample of the campaign of faults; `lab faults` carries out the whole of it.
 
 use crate::{firmware, ready};
 use rig::bench::{TwoAxes, VehicleConfig};
@@ -176,7 +176,7 @@ fn a_flipped_bit_of_the_image_is_noticed() {
 }
 
 /// What ends in a reset by the firmware itself, by the slowest and the fastest frame and with one
-/// rudder and two: no pulse is cut. `tvc faults --resets` has more of it.
+/// rudder and two: no pulse is cut. `lab faults --resets` has more of it.
 #[test]
 fn a_reset_by_the_firmware_cuts_no_pulse() {
     let mut cut = Vec::new();
@@ -203,7 +203,7 @@ fn a_reset_by_the_firmware_cuts_no_pulse() {
 }
 
 /// Each register of the servo timer by one bit of its own, and each bit that by itself could turn
-/// the rudder's pulses round, move or stop them for ever. `tvc faults --timer-bits` has all.
+/// the rudder's pulses round, move or stop them for ever. `lab faults --timer-bits` has all.
 #[test]
 fn a_flipped_bit_of_the_servo_timer_steers_for_a_moment_at_most() {
     // OTMX, DTIEN1, INVEN5, PGE5, the sources of fault A and B, events to be counted, CPTEN1.

@@ -1,4 +1,4 @@
-//! The image with parts as real ones may be: a few of the settings that `tvc hardware` flies, a
+//! The image with parts as real ones may be: a few of the settings that `lab hardware` flies, a
 //! start each.
 
 use crate::faults::{default_neutral_us, ms, released};

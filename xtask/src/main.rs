@@ -1,4 +1,4 @@
-//! What `cargo fly` and `cargo tvc` start.
+//! What `cargo fly`, `cargo tvc` and `cargo lab` start. The first argument names the program.
 //!
 //! `cargo run --quiet` alone would build the ground tool for minutes without a word the first time;
 //! without `--quiet` it would add its own lines to every message of the tool. So the first build is
@@ -22,23 +22,30 @@ use image_build::{Builder, Source};
 /// The profile that the ground tool is built with, and the folder below `target` where it then
 /// lies.
 const PROFILE: &str = "tool";
-/// The ground tool, as cargo names it.
-const TOOL: [&str; 6] = ["--profile", PROFILE, "--package", "ground", "--bin", "tvc"];
+/// The programs and the packages that they are built from.
+const PROGRAMS: [(&str, &str); 2] = [("tvc", "ground"), ("lab", "lab")];
 
 fn main() -> ExitCode {
     let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let name = env::args().nth(1).unwrap_or_default();
+    let Some((program, package)) = PROGRAMS.into_iter().find(|(program, _)| *program == name)
+    else {
+        eprintln!("error: this starts tvc or lab; use `cargo fly`, `cargo tvc` or `cargo lab`");
+        return ExitCode::from(2);
+    };
+    let cargo_command = |verb| cargo_command(&cargo, verb, program, package);
     let target = target_folder();
     let is_built = |target: &PathBuf| {
-        let name = format!("tvc{}", env::consts::EXE_SUFFIX);
+        let name = format!("{program}{}", env::consts::EXE_SUFFIX);
         target.join(PROFILE).join(name).exists()
     };
     if !target.as_ref().is_some_and(is_built) {
-        eprintln!("building the ground tool; the first time this takes some minutes");
+        eprintln!("building {program}; the first time this takes some minutes");
         let flies = env::args_os()
-            .nth(1)
+            .nth(2)
             .is_some_and(|command| command == "fly");
         let image = flies.then(|| thread::spawn(build_image));
-        let built = status(&mut cargo_command(&cargo, "build"));
+        let built = status(&mut cargo_command("build"));
         if let Some(image) = image {
             // It has no result: the tool builds the image again and reports what goes wrong.
             let _ = image.join();
@@ -47,8 +54,8 @@ fn main() -> ExitCode {
             return ExitCode::from(built);
         }
     }
-    let mut tool = cargo_command(&cargo, "run");
-    tool.args(["--quiet", "--"]).args(env::args_os().skip(1));
+    let mut tool = cargo_command("run");
+    tool.args(["--quiet", "--"]).args(env::args_os().skip(2));
     become_one(&mut tool)
 }
 
@@ -68,11 +75,20 @@ fn build_image() {
     }
 }
 
-/// Cargo's work on the tool.
-fn cargo_command(cargo: &OsStr, verb: &str) -> Command {
+/// Cargo's work on a program.
+fn cargo_command(cargo: &OsStr, verb: &str, program: &str, package: &str) -> Command {
     let mut command = Command::new(cargo);
     // The image is built from the sources beside the tool, and no second time into it.
-    command.arg(verb).args(TOOL).env("TVC_IMAGE", "none");
+    command.args([
+        verb,
+        "--profile",
+        PROFILE,
+        "--package",
+        package,
+        "--bin",
+        program,
+    ]);
+    command.env("TVC_IMAGE", "none");
     command
 }
 

@@ -37,7 +37,7 @@ fn a_signal_to_the_launcher_ends_the_tool() {
     fs::set_permissions(&cargo, fs::Permissions::from_mode(0o755)).unwrap();
     for signal in ["-TERM", "-INT", "-HUP"] {
         let mut launcher = Command::new(env!("CARGO_BIN_EXE_xtask"))
-            .args(["test", "hold"])
+            .args(["tvc", "test", "hold"])
             .env("CARGO", &cargo)
             .spawn()
             .unwrap();

@@ -1,6 +1,4 @@
-//! Attitude filters on recordings, in the thesis' experiments, and by their cost on the chip.
+//! Attitude filters on recordings.
 
-pub mod cycles;
-pub mod experiment;
 pub mod fuse;
-mod progress;
+pub mod progress;

@@ -5,7 +5,7 @@ use plant::StepResponse;
 use rig::measure::Spread;
 
 use super::requirements;
-use crate::out::measure::{Figure, Limit, figure};
+use report::measure::{Figure, Limit, figure};
 use rig::ServoKind;
 
 /// Settling band, share of the start.

@@ -3,7 +3,7 @@
 use ::rig::bench::Hardware;
 use clap::Args;
 
-use crate::out::exit::BadInput;
+use report::exit::BadInput;
 
 /// How the emulated parts differ from the default.
 #[derive(Debug, Clone, Args)]

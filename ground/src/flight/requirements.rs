@@ -3,7 +3,7 @@
 
 use rig::ServoKind;
 
-use crate::out::measure::Limit::{self, AtLeast, AtMost, Below, Set};
+use report::measure::Limit::{self, AtLeast, AtMost, Below, Set};
 
 /// Excursion past upright, percent of the start.
 pub const OVERSHOOT_PCT: Limit = AtMost(5.0);

@@ -18,9 +18,9 @@ use crate::flight::fly::start_angle;
 use crate::flight::hardware::HardwareChoice;
 use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
-use crate::out::exit::{BadInput, Verdict};
+use report::exit::{BadInput, Verdict};
 #[cfg(unix)]
-use crate::out::file::print;
+use report::file::print;
 
 /// Options of `tvc rig`.
 #[derive(Debug, Args)]
@@ -289,7 +289,7 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
 /// Only Unix has pseudo-terminals.
 #[cfg(not(unix))]
 fn run_rig(_options: &Rig) -> Result<Verdict> {
-    Err(crate::out::exit::BadInput::new(
+    Err(report::exit::BadInput::new(
         "pseudo-terminals need Linux or macOS; `tvc fly` runs the rig everywhere",
     )
     .into())

@@ -6,9 +6,9 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::logs::log::{Content, convert};
-use crate::out::exit::Verdict;
-use crate::out::file::print_json;
-use crate::out::kind;
+use report::exit::Verdict;
+use report::file::print_json;
+use report::kind;
 
 /// Options of `tvc convert`.
 #[derive(Debug, Args)]

@@ -26,8 +26,8 @@ use tempfile::TempPath;
 use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 
 use crate::input;
-use crate::out::exit::BadInput;
-use crate::out::file;
+use report::exit::BadInput;
+use report::file;
 
 pub use mcap::MAGIC as MCAP_MAGIC;
 pub use origin::{Origin, TOOL, vehicle_build};

@@ -23,9 +23,9 @@ use tvc_nano::{BootReport, Command, Flight, Micros, RawSample, Refresh, SensorFa
 
 use crate::arguments::parameter;
 use crate::logs::log::{self, Event, Step};
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{hand_over, print_figures, write_whole};
-use crate::out::kind;
+use report::exit::{BadInput, Verdict};
+use report::file::{hand_over, print_figures, write_whole};
+use report::kind;
 
 /// Options of `tvc replay`.
 #[derive(Debug, Args)]

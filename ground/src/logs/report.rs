@@ -5,7 +5,7 @@ mod compare;
 pub mod page;
 pub mod sweep;
 
-use crate::out::kind::{self, Kind};
+use report::kind::{self, Kind};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -19,10 +19,10 @@ use rig::measure::Spread;
 use crate::flight::figures::{Run, spread, telemetry};
 use crate::flight::requirements;
 use crate::logs::log::{Event, Flight, Release, Step};
-use crate::out::exit::Verdict;
-use crate::out::measure::Limit::AtLeast;
-use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
 use clap::Args;
+use report::exit::Verdict;
+use report::measure::Limit::AtLeast;
+use report::measure::{Figure, Figures, data, figure, rows, shown};
 use rig::ServoKind;
 use std::path::PathBuf;
 use sweep::Sweep;

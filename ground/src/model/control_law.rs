@@ -9,8 +9,8 @@ use tvc_nano::controller::Sample;
 use tvc_nano::{Axis, Controller, LawState, Micros, Params, RawSample, Refresh};
 
 use crate::input;
-use crate::out::exit::BadInput;
 use crate::param_file;
+use report::exit::BadInput;
 use rig::ServoKind;
 
 /// The image's controller with the linkage of a drone.

@@ -15,10 +15,10 @@ use tvc_nano::Axis;
 use crate::arguments::AxisName;
 use crate::logs::log::{Flight, Release, Step};
 use crate::model::control_law;
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print_figures, write_whole};
-use crate::out::kind;
-use crate::out::measure::{Figures, figure, rows, shown};
+use report::exit::{BadInput, Verdict};
+use report::file::{print_figures, write_whole};
+use report::kind;
+use report::measure::{Figures, figure, rows, shown};
 
 /// Options of `tvc identify`.
 #[derive(Debug, Args)]

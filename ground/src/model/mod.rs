@@ -15,8 +15,8 @@ mod what_if;
 use std::path::Path;
 
 use crate::input;
-use crate::out::exit::{BadInput, Verdict};
 pub use options::{Linear, Model, ModelCommand, Simulate, Validate, WhatIf};
+use report::exit::{BadInput, Verdict};
 
 /// Carries out what `options` say.
 pub fn run(options: &Model) -> anyhow::Result<Verdict> {

@@ -7,7 +7,7 @@ use plant::Parameters;
 use rig::ServoKind;
 
 use crate::arguments::parameter;
-use crate::out::kind;
+use report::kind;
 
 /// The model: physics that can be checked, and what follows from it.
 #[derive(Debug, Args)]

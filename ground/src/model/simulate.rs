@@ -11,8 +11,8 @@ use serde::Serialize;
 
 use super::read;
 use crate::model::Simulate;
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print, print_json, write_whole};
+use report::exit::{BadInput, Verdict};
+use report::file::{print, print_json, write_whole};
 
 /// What was run, where its rows were written, and their range.
 #[derive(Serialize)]

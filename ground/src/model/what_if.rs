@@ -14,10 +14,10 @@ use crate::logs::log::{Flight, Release, Step};
 use crate::logs::report::{response, servo};
 use crate::model::WhatIf;
 use crate::model::control_law::{Law, setup};
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::measure::{Figures, data, figure, rows, shown};
-use crate::out::page::{self, page};
-use crate::out::plot::{Line, Plot};
+use report::exit::{BadInput, Verdict};
+use report::measure::{Figures, data, figure, rows, shown};
+use report::page::{self, page};
+use report::plot::{Line, Plot};
 
 /// Change of pitch at which the drone is seen to have left its start, rad.
 const LEFT_RAD: f64 = 0.005;

@@ -9,10 +9,10 @@ use client::request::{self, Order};
 use client::state::is_in_operation;
 use serde_json::{Value, json};
 
-use crate::out::exit::Verdict;
-use crate::out::file::{print, print_json};
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
+use report::exit::Verdict;
+use report::file::{print, print_json};
 
 /// Options of `tvc arm`, `tvc disarm` and `tvc reboot`.
 #[derive(Debug, Args)]

@@ -14,10 +14,10 @@ use clap::Args;
 use rig::image::IMAGE_ADDRESS;
 
 use crate::image::{Firmware, ImageOption};
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::write_whole;
-use crate::out::kind;
 use crate::vehicle::port;
+use report::exit::{BadInput, Verdict};
+use report::file::write_whole;
+use report::kind;
 
 /// Options of `tvc flash`.
 #[derive(Debug, Args)]

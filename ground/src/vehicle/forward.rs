@@ -17,8 +17,6 @@ use mavlink::dialects::common::MavMessage;
 
 use crate::arguments::seconds;
 use crate::logs::log::Writer;
-use crate::out::exit::Verdict;
-use crate::out::kind;
 use crate::signals;
 use crate::vehicle::admission::Admission;
 use crate::vehicle::link::{Link, Vehicle};
@@ -27,6 +25,8 @@ use crate::vehicle::port::PortOptions;
 use crate::vehicle::signing::Signing;
 use gate::Gate;
 pub use relay::Relay;
+use report::exit::Verdict;
+use report::kind;
 
 /// Options of `tvc forward`.
 #[derive(Debug, Args)]

@@ -11,12 +11,12 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::logs::log::TOOL;
-use crate::out::exit::Verdict;
-use crate::out::file::print_figures;
 use crate::vehicle::port::machine::{Access, Program, access, holders, is_running, names};
 use crate::vehicle::port::{self, Life, PortOptions};
 use crate::{config, image};
 use next::Standing;
+use report::exit::Verdict;
+use report::file::print_figures;
 use vehicle::Told;
 
 /// Options of `tvc info`.

@@ -9,9 +9,9 @@ use client::{Client, Failure, Frame, Parameter, Request, StateKind, request};
 use mavlink::dialects::common::MavMessage;
 
 use crate::logs::log::{TOOL, Writer};
-use crate::out::exit::BadInput;
 use crate::vehicle::port::{Port, PortOptions};
 use crate::vehicle::way::Way;
+use report::exit::BadInput;
 
 /// How long the vehicle may take until its first heartbeat; it sends one a second, and one at once
 /// when a port is opened.

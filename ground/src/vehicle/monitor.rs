@@ -15,13 +15,13 @@ use tvc_nano::{Axis, Params};
 
 use crate::arguments::seconds;
 use crate::logs::log::Writer;
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print, print_json};
-use crate::out::gauge::gauge;
-use crate::out::kind;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
+use report::exit::{BadInput, Verdict};
+use report::file::{print, print_json};
+use report::gauge::gauge;
+use report::kind;
 
 /// Options of `tvc monitor`.
 #[derive(Debug, Args)]

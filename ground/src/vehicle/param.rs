@@ -4,16 +4,15 @@ use std::path::Path;
 
 use anyhow::Result;
 use client::{Parameter, request};
-use comfy_table::Table;
-use comfy_table::presets::NOTHING;
 use serde::Serialize;
 use serde_json::{Value, json};
 use tvc_nano::Params;
 
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print, print_json, write_whole};
 use crate::param_file::{self, File, NO_POLARITY};
 use crate::vehicle::link::Vehicle;
+use report::exit::{BadInput, Verdict};
+use report::file::{print, print_json, write_whole};
+use report::table::Table;
 mod options;
 mod row;
 pub use options::{Param, ParamAction, ParamPort};
@@ -102,34 +101,28 @@ fn show(rows: &[Row], json: bool) -> Result<Verdict> {
         print_json(&json!({ "parameters": rows }))?;
         return Ok(Verdict::Met);
     }
-    let mut table = Table::new();
-    table.load_style(NOTHING).set_header([
-        "parameter",
-        "value",
-        "unit",
-        "range",
-        "default",
-        "meaning",
-    ]);
-    for row in rows {
+    let cells = rows.iter().map(|row| {
         let default = match row.default {
             Some(default) if default == row.value => "same".to_owned(),
             Some(default) => default.to_string(),
             None => String::new(),
         };
-        table.add_row([
-            &row.name,
-            &row.value.to_string(),
-            row.unit,
-            &row.range,
-            &default,
-            &match row.unused_by_law {
-                Some(law) => format!("(not used by law {law}) {}", row.meaning),
-                None => row.meaning.clone(),
-            },
-        ]);
-    }
-    print(table.trim_fmt() + "\n")?;
+        let meaning = match row.unused_by_law {
+            Some(law) => format!("(not used by law {law}) {}", row.meaning),
+            None => row.meaning.clone(),
+        };
+        let unit = row.unit.to_owned();
+        vec![
+            row.name.clone(),
+            row.value.to_string(),
+            unit,
+            row.range.clone(),
+            default,
+            meaning,
+        ]
+    });
+    let head = ["parameter", "value", "unit", "range", "default", "meaning"];
+    print(Table::new(head, cells).text())?;
     Ok(Verdict::Met)
 }
 

@@ -11,14 +11,14 @@ use anyhow::{Context, Result, bail};
 use serde::Serialize;
 use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType};
 
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print, print_json};
 use crate::vehicle::way::Way;
 use clap::Args;
 #[cfg(test)]
 pub use nano::test_ports;
 use nano::{BOOTLOADER, FIRMWARE, VENDOR, nano, nano_at, one_of_each};
 pub use nano::{Life, Nano, nanos};
+use report::exit::{BadInput, Verdict};
+use report::file::{print, print_json};
 
 /// Options of `tvc ports`.
 #[derive(Debug, Args)]

@@ -11,12 +11,12 @@ use serde_json::json;
 
 use crate::arguments::seconds;
 use crate::logs::log::{Flight, Writer, write_csv};
-use crate::out::exit::Verdict;
-use crate::out::file::print_json;
-use crate::out::kind;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
+use report::exit::Verdict;
+use report::file::print_json;
+use report::kind;
 
 /// Options of `tvc record`.
 #[derive(Debug, Args)]

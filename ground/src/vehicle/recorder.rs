@@ -10,11 +10,11 @@ use tvc_nano::recorder::{self, STEP_BYTES};
 use tvc_nano::{Axis, Micros, PulseUs, RawSample};
 
 use crate::logs::log::{Event, Flight, Step, whole_us, write_flight};
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::print_json;
-use crate::out::kind;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
+use report::exit::{BadInput, Verdict};
+use report::file::print_json;
+use report::kind;
 
 /// Options of `tvc recorder`.
 #[derive(Debug, Args)]

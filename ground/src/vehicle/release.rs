@@ -8,13 +8,13 @@ use client::{StateKind, request};
 use serde_json::json;
 
 use crate::arguments::seconds;
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print, print_json};
 use crate::signals;
 use crate::vehicle::calibrate::keyboard::{Keyboard, Typed, is_attended};
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
 use crate::vehicle::watch::Watched;
+use report::exit::{BadInput, Verdict};
+use report::file::{print, print_json};
 
 /// Options of `tvc release`.
 #[derive(Debug, Args)]

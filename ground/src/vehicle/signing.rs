@@ -12,7 +12,7 @@ use anyhow::Result;
 use mavlink::dialects::common::MavMessage;
 use mavlink::{MAVLinkV2MessageRaw, Message, SigningConfig, SigningData, calculate_crc};
 
-use crate::out::exit::BadInput;
+use report::exit::BadInput;
 
 /// Bytes of a key.
 const KEY: usize = 32;

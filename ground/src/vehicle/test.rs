@@ -14,14 +14,14 @@ use tvc_nano::Axis;
 use crate::arguments::{AxisName, seconds};
 use crate::logs::log::{Flight, Release, Writer};
 use crate::logs::report::{conclude, figures, response, sweep};
-use crate::out::exit::Verdict;
-use crate::out::kind;
-use crate::out::measure::figure;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::param::ParamPort;
 use crate::vehicle::port::PortOptions;
 use crate::vehicle::watch::Watched;
+use report::exit::Verdict;
+use report::kind;
+use report::measure::figure;
 
 /// Options of `tvc test`.
 #[derive(Debug, Args)]

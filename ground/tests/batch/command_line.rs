@@ -9,38 +9,19 @@ fn recording() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/broad_11_cut.imuq")
 }
 
+/// A command that went to the laboratory says so for one release.
 #[test]
-fn unusable_input_is_refused_in_one_line() {
-    assert_refused(&["fly", "--start", "-1.4"], "--start");
-    assert_refused(&["fly", "--start", "steep"], "--start");
-    assert_refused(&["fly", "--start", "1.2"], "at most 0.87");
-    assert_refused(&["fly", "--gains", "1.0"], "two numbers");
-    assert_refused(&["fly", "--gains", "11,0.3"], "PID_KP must be 0 to 10");
-    assert_refused(&["fly", "--servo", "s9999"], "s9999");
-    assert_refused(&["fly", "--vibration", "5"], "m/s2 and Hz");
-    assert_refused(&["fly", "--vibration", "5,900"], "1 to 400 Hz");
-    assert_refused(&["fly", "--servo-supply", "12"], "3 to 7.4 V");
-    assert_refused(&["fly", "--thrust-ramp", "140,1"], "0 to 100 %");
-    assert_refused(
-        &["fly", "--replay", "x.imuq", "--vibration", "5,180"],
-        "--vibration",
-    );
-    assert_refused(
-        &["fly", "--replay", "no/such/file.imuq"],
-        "no/such/file.imuq",
-    );
-    assert_refused(
-        &["flash", "--port", "/dev/no-such-port"],
-        "no port /dev/no-such-port",
-    );
-    assert_refused(
-        &["faults", "--kind", "gremlins"],
-        "there is no fault gremlins",
-    );
-    assert_refused(&["faults", "--runs", "0"], "--runs");
-    assert_refused(&["land"], "land");
-    assert_refused(&["fly", "--jsn"], "--jsn");
-    assert_refused(&["fly", "--replay", "x.imuq", "--start", "0.2"], "--start");
+fn a_command_that_went_elsewhere_says_where() {
+    for name in [
+        "cycles",
+        "experiment",
+        "faults",
+        "hardware",
+        "profile",
+        "stack",
+    ] {
+        assert_refused(&[name, "--json"], &format!("`cargo lab {name}`"));
+    }
 }
 
 #[test]
@@ -70,23 +51,6 @@ fn a_truncated_or_foreign_recording_is_refused_and_writes_no_report() {
         );
     }
     assert!(!report.exists());
-}
-
-#[test]
-fn help_has_examples_and_goes_to_standard_output() {
-    for arguments in [
-        &["fly", "--help"][..],
-        &["flash", "--help"],
-        &["faults", "--help"],
-    ] {
-        let output = tvc(arguments);
-        assert_eq!(output.status.code(), Some(0));
-        let text = String::from_utf8(output.stdout).unwrap();
-        assert!(
-            text.contains("Examples:") && text.contains("Exit status:"),
-            "{text}"
-        );
-    }
 }
 
 /// A sensor that resets at 1.2 s ends in failsafe; the same flight stays active without that.
@@ -270,46 +234,6 @@ fn a_flight_as_json_is_one_object_and_the_same_seed_gives_the_same_flight() {
     }
     let page = std::fs::read_to_string(&report).unwrap();
     assert!(page.contains("<svg") && page.contains("Step responses"));
-}
-
-#[test]
-fn faults_as_json_are_one_object_that_adds_up() {
-    let folder = tempfile::tempdir().unwrap();
-    let report = folder.path().join("faults.html");
-    let output = tvc(&[
-        "faults",
-        "--json",
-        "--runs",
-        "4",
-        "--kind",
-        "unplugged",
-        "--kind",
-        "spikes",
-        "--jobs",
-        "2",
-        "--report",
-        report.to_str().unwrap(),
-    ]);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(0), "{said}");
-    let object: serde_json::Value =
-        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
-    let faults = object["faults"].as_array().unwrap();
-    let kinds: Vec<_> = faults
-        .iter()
-        .map(|row| row["kind"].as_str().unwrap())
-        .collect();
-    assert_eq!(kinds, ["unplugged", "spikes"]);
-    for row in faults {
-        let count = |key: &str| row[key].as_u64().unwrap();
-        assert_eq!(count("runs"), 2);
-        assert_eq!(count("recovered") + count("neutral") + count("unsafe"), 2);
-        assert_eq!(count("unsafe"), 0);
-        let worst = row["worst_ms"].as_f64().unwrap();
-        assert!((0.0..=150.0).contains(&worst), "{row}");
-    }
-    let page = std::fs::read_to_string(&report).unwrap();
-    assert!(page.contains("No run was unsafe") && page.contains("unplugged run "));
 }
 
 #[cfg(unix)]

@@ -1,25 +1,11 @@
 //! Golden keys of `--json`: every command prints the keys that are stored in `golden/keys/`. How a
 //! change is taken over stands in `running/keys.rs`.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
 
-use serde_json::Value;
-
-use crate::running::keys::{self, difference};
-use crate::running::{self, Running, command, commands_below, said};
-
-/// A machine that is busy with other tests runs the rig slower than real time.
-const PATIENCE: Duration = Duration::from_secs(120);
-
-/// What a vehicle says that is soon ready.
-const VEHICLE_WAITS: [&str; 3] = [
-    "attitude still settling",
-    "gyro offset unknown",
-    "the vehicle holds no release",
-];
+use crate::running::keys::{self, check_all};
+use crate::running::{self, Running};
 
 /// What is run without a vehicle, `--json` behind it, one after the other in one folder.
 const ALONE: &[(&str, &str)] = &[
@@ -30,20 +16,6 @@ const ALONE: &[(&str, &str)] = &[
     ("fly-drone2", "fly --vehicle drone2 --start 0.2"),
     ("fly-rocket", "fly --vehicle rocket"),
     ("fly-replay", "fly --replay walk.imuq"),
-    (
-        "faults",
-        "faults --runs 2 --kind spikes ram-statics --out faults.csv",
-    ),
-    ("faults-merge", "faults merge faults.csv"),
-    (
-        "faults-sound",
-        "faults --sound --runs 1 --kind rest --phase standby --servo s3003 --vehicle drone --seconds 1",
-    ),
-    ("faults-replay", "faults replay run.toml"),
-    ("profile", "profile --seconds 0.1"),
-    ("profile-after", "profile --after 0.1 --seconds 0.1"),
-    ("stack", "stack --seconds 0.1"),
-    ("hardware", "hardware --quick --only wake"),
     ("bringup", "bringup --rig --no-hands"),
     ("model-simulate", "model simulate pendulum.toml"),
     ("model-linear", "model linear"),
@@ -63,7 +35,6 @@ const ALONE: &[(&str, &str)] = &[
     ),
     ("fuse", "fuse walk.imuq"),
     ("fuse-6d", "fuse walk.imuq --mode 6d"),
-    ("experiment-motion", "experiment motion --reference-lag 150"),
 ];
 
 /// What is run at one vehicle, in this order; without a name it only prepares what follows.
@@ -120,11 +91,6 @@ const ON_ITS_LOGS: &[(&str, &str)] = &[
 /// What is compared by a test of its own, mostly one that runs it for other reasons.
 const ELSEWHERE: &[(&str, &str)] = &[
     ("ports", "ports"),
-    ("experiment-static", "experiment static"),
-    ("experiment-vibration", "experiment vibration"),
-    ("experiment-jerk", "experiment jerk"),
-    ("experiment-acceleration", "experiment acceleration"),
-    ("cycles", "cycles"),
     ("calibrate", "calibrate"),
     ("calibrate-from", "calibrate --from"),
     ("calibrate-servo", "calibrate servo"),
@@ -132,84 +98,12 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("calibrate-hold", "calibrate hold"),
 ];
 
-/// The objects of a command, which is run until it prints some: a vehicle has to settle before it
-/// is armed.
-fn objects(folder: &Path, name: &str, arguments: &[&str]) -> Vec<Value> {
-    let begun = Instant::now();
-    let output = loop {
-        let output = command(arguments).current_dir(folder).output().unwrap();
-        let said = said(&output);
-        if name.is_empty() {
-            // Status 1 is a figure that misses its requirement.
-            let status = output.status.code();
-            assert!(matches!(status, Some(0 | 1)), "{arguments:?}: {said}");
-            return Vec::new();
-        }
-        if !output.stdout.is_empty() {
-            break output;
-        }
-        let waits =
-            begun.elapsed() < PATIENCE && VEHICLE_WAITS.iter().any(|why| said.contains(why));
-        assert!(waits, "{arguments:?}: {said}");
-    };
-    eprintln!("{name}: {:.1} s", begun.elapsed().as_secs_f64());
-    // `tvc monitor` prints an object a line.
-    serde_json::Deserializer::from_slice(&output.stdout)
-        .into_iter()
-        .collect::<Result<_, _>>()
-        .unwrap_or_else(|error| panic!("{arguments:?}: {error}"))
-}
-
-/// Runs all of `runs`; every difference is told, not only the first. Runs of the same name count
-/// together.
-fn check_all(folder: &Path, runs: &[(&str, &str)], more: &[&str]) -> Vec<String> {
-    let mut found: BTreeMap<&str, Vec<Value>> = BTreeMap::new();
-    for (name, arguments) in runs {
-        let mut arguments: Vec<&str> = arguments.split(' ').collect();
-        if !name.is_empty() {
-            arguments.push("--json");
-        }
-        let objects = objects(folder, name, &[&arguments[..], more].concat());
-        found.entry(name).or_default().extend(objects);
-    }
-    found.remove("");
-    found
-        .iter()
-        .filter_map(|(name, objects)| difference(name, objects))
-        .collect()
-}
-
 /// One at a time: an image in the making would slow the rig down.
 static TURN: Mutex<()> = Mutex::new(());
 
 #[test]
 fn no_command_with_json_is_without_its_keys() {
-    let runs: Vec<_> = [ALONE, AT_A_VEHICLE, ON_ITS_LOGS, ELSEWHERE].concat();
-    let mut with_json = 0;
-    for (words, help) in commands_below(&[]) {
-        // What only leads to other commands is not run by itself.
-        if !help.contains("--json") || help.contains("<COMMAND>") {
-            continue;
-        }
-        with_json += 1;
-        let line = words.join(" ");
-        let run = runs.iter().any(|(_, arguments)| {
-            let rest = arguments.strip_prefix(&line);
-            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(' '))
-        });
-        assert!(run, "no keys of tvc {line} --json");
-    }
-    assert!(with_json > 25, "{with_json}");
-    let names: BTreeSet<String> = runs
-        .iter()
-        .filter(|(name, _)| !name.is_empty())
-        .map(|(name, _)| format!("{name}.txt"))
-        .collect();
-    let stored: BTreeSet<String> = std::fs::read_dir(keys::folder())
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect();
-    assert_eq!(names, stored);
+    keys::assert_complete(&[ALONE, AT_A_VEHICLE, ON_ITS_LOGS, ELSEWHERE].concat(), 25);
 }
 
 /// Two seconds out of the recording, the first of its movement with some rest before.
@@ -236,9 +130,6 @@ fn what_is_run_without_a_vehicle_keeps_its_keys() {
         std::fs::copy(scenarios.join(from), folder.path().join(to)).unwrap();
     }
     write_short_recording(&folder.path().join("walk.imuq"));
-    let run = "seed = 1\ncampaign = \"faults\"\nvehicle = \"drone\"\nservo = \"s3003\"\n\
-               hardware = \"\"\nphase = \"flight\"\nkind = \"spikes\"\nnumber = 0\n";
-    std::fs::write(folder.path().join("run.toml"), run).unwrap();
     let differences = check_all(folder.path(), ALONE, &[]);
     assert!(differences.is_empty(), "{}", differences.join("\n"));
 }

@@ -106,9 +106,6 @@ fn a_file_that_is_no_image_is_refused_before_everything_else() {
     for command in [
         &["fly"][..],
         &["faults"],
-        &["hardware"],
-        &["profile"],
-        &["stack"],
         &["flash", "--bin", "x.bin"],
         &["rig", "--pty"],
     ] {

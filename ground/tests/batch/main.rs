@@ -2,8 +2,6 @@
 //! keep all cores busy.
 
 mod command_line;
-mod cycles;
-mod experiment;
 mod fuse;
 #[cfg(unix)]
 mod golden_keys;
@@ -12,5 +10,7 @@ mod model;
 mod outputs;
 #[path = "../running/mod.rs"]
 mod running;
-mod stack;
+
+/// The program under test.
+const PROGRAM: &str = env!("CARGO_BIN_EXE_tvc");
 mod tuning;

@@ -19,3 +19,6 @@ mod troubleshooting;
 mod vehicle;
 #[cfg(unix)]
 mod web;
+
+/// The program under test.
+const PROGRAM: &str = env!("CARGO_BIN_EXE_tvc");

@@ -1,7 +1,8 @@
-//! The tool as a process: a command that ends, and one that goes on beside the test, such as
+//! `tvc` or `lab` ([`crate::PROGRAM`]) as a process: a command that ends, and one that goes on beside the test, such as
 //! `tvc rig --pty`.
 #![allow(dead_code, reason = "every test file takes what it needs")]
 
+pub(crate) mod golden;
 pub(crate) mod keys;
 
 use std::io::{BufRead, BufReader};
@@ -11,7 +12,7 @@ use serde_json::Value;
 
 /// `tvc` with these arguments, still to be run.
 pub(crate) fn command(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_tvc"));
+    let mut command = Command::new(crate::PROGRAM);
     command.args(arguments);
     command
 }

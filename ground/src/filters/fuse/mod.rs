@@ -13,10 +13,10 @@ use recordings::{
 };
 
 use super::progress::Progress;
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{WholeFile, print, print_json};
 use figures::{Figures, FileFigures};
 pub use options::Fuse;
+use report::exit::{BadInput, Verdict};
+use report::file::{WholeFile, print, print_json};
 
 /// Samples between two reports of progress.
 const STRIDE: u64 = 4096;

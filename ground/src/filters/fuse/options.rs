@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use recordings::{FilterName, Mode, Scalar, Setting};
 
-use crate::out::kind;
+use report::kind;
 
 /// Options of `tvc fuse`.
 #[derive(Debug, Args)]

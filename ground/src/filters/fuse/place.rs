@@ -3,7 +3,8 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use crate::out::exit::BadInput;
+use report::exit::BadInput;
+use report::kind::is_one_file;
 
 /// A place for each of `files` under `out`: the file that it names, or, for several recordings or a
 /// folder that is there, `STEM.csv` in it.
@@ -34,7 +35,7 @@ pub fn places(files: &[PathBuf], out: Option<&Path>) -> Result<Vec<Option<PathBu
         } else {
             out.to_path_buf()
         };
-        if same(&place, file) {
+        if is_one_file(&place, file) {
             return Err(BadInput::new(format!(
                 "--out {} would overwrite the recording",
                 place.display()
@@ -54,10 +55,6 @@ pub fn places(files: &[PathBuf], out: Option<&Path>) -> Result<Vec<Option<PathBu
 fn is_csv(path: &Path) -> bool {
     path.extension()
         .is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
-}
-
-fn same(a: &Path, b: &Path) -> bool {
-    same_file::is_same_file(a, b).unwrap_or(false)
 }
 
 #[cfg(test)]

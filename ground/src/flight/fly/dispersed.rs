@@ -17,10 +17,10 @@ use crate::flight::fly::Fly;
 use crate::flight::requirements;
 use crate::flight::vehicle::VehicleKind;
 use crate::model::control_law;
-use crate::out::distribution::Distribution;
-use crate::out::measure::{Figures, data, figure};
-use crate::out::page::{figure as picture, page, verdicts};
-use crate::out::plot::{Line, Plot};
+use report::distribution::Distribution;
+use report::measure::{Figures, data, figure};
+use report::page::{figure as picture, page, verdicts};
+use report::plot::{Line, Plot};
 
 /// Flies `count` vehicles, one flight each; the figures and the page.
 pub fn fly(image: &Image, setup: &Setup, count: u32, options: &Fly) -> Result<(Figures, String)> {

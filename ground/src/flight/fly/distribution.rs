@@ -16,10 +16,10 @@ use tvc_nano::Axis;
 use super::flights::{FLIGHT_S, START_RATE_RAD_S, STARTS_RAD, with_wait_states};
 use crate::flight::fly::Fly;
 use crate::flight::requirements;
-use crate::out::distribution::Distribution;
-use crate::out::measure::{Figures, figure, rows};
-use crate::out::page::{figure as picture, page, verdicts};
-use crate::out::plot::{Line, Plot};
+use report::distribution::Distribution;
+use report::measure::{Figures, figure, rows};
+use report::page::{figure as picture, page, verdicts};
+use report::plot::{Line, Plot};
 
 /// The last part of a flight, in which what is left is measured, s.
 const REST_S: f64 = 1.0;

@@ -2,7 +2,7 @@
 //!
 //! ```toml
 //! [[fault]]
-//! kind = "spikes"       # as in `tvc faults`
+//! kind = "spikes"       # as in `lab faults`
 //! since = "release"     # or "power-on"
 //! at_s = 0.30           # after that
 //! for_s = 0.05          # for ever if left out
@@ -21,7 +21,7 @@ use rig::random::{Stream, generator};
 use serde::Deserialize;
 
 use crate::input;
-use crate::out::exit::BadInput;
+use report::exit::BadInput;
 
 /// What happens in a flight.
 #[derive(Clone, Debug, Default)]

@@ -6,7 +6,7 @@ use rig::measure::LoopTiming;
 
 use crate::flight::figures::{Run, spread, telemetry};
 use crate::flight::requirements;
-use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
+use report::measure::{Figure, Figures, data, figure, rows, shown};
 use rig::ServoKind;
 use rig::bench::{FaultEntry, Since};
 use rig::disturbance::Disturbances;

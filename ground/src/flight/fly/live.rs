@@ -6,7 +6,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 use rig::flight::{Progress, Stage};
 
-use crate::out::gauge::gauge;
+use report::gauge::gauge;
 
 /// A live line on standard error.
 pub struct Live {

@@ -22,7 +22,7 @@ use samd21::board::Ticks;
 
 use crate::flight::vehicle::VehicleKind;
 use crate::model::control_law;
-use crate::out::exit::Verdict;
+use ::report::exit::Verdict;
 use figures::Emulation;
 pub use options::{Fly, start_angle};
 

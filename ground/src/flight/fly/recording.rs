@@ -17,8 +17,8 @@ use super::figures::Measured;
 use super::live::Live;
 use super::report::Page;
 use crate::flight::requirements;
-use crate::out::exit::BadInput;
-use crate::out::measure::{Limit::Within, figure};
+use report::exit::BadInput;
+use report::measure::{Limit::Within, figure};
 
 /// How much of the recording runs without wait states, which only gives cycles, s.
 const CYCLES_S: f64 = 5.0;

@@ -8,9 +8,9 @@ use rig::flight::FlightRecord;
 use rig::replay::ReplayRecord;
 
 use crate::flight::figures::settling_band_deg;
-use crate::out::measure::Figures;
-use crate::out::page::{figure, page, verdicts};
-use crate::out::plot::{Line, Plot};
+use report::measure::Figures;
+use report::page::{figure, page, verdicts};
+use report::plot::{Line, Plot};
 
 /// What the page draws; its figures are handed to [`render`](Self::render).
 pub enum Page {

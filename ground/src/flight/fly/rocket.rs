@@ -16,11 +16,11 @@ use serde::Serialize;
 use super::flights::with_wait_states;
 use crate::flight::fly::Fly;
 use crate::flight::requirements;
-use crate::out::distribution::Distribution;
-use crate::out::exit::BadInput;
-use crate::out::measure::{Figures, data, figure, rows};
-use crate::out::page::{figure as picture, page, verdicts};
-use crate::out::plot::{Line, Plot};
+use report::distribution::Distribution;
+use report::exit::BadInput;
+use report::measure::{Figures, data, figure, rows};
+use report::page::{figure as picture, page, verdicts};
+use report::plot::{Line, Plot};
 
 /// How long the rocket stands armed on its pad, s: the gyroscope's offset is learned there.
 const COUNTDOWN_S: f64 = 20.0;
@@ -305,7 +305,7 @@ impl Conditions {
 fn summary<'a>(
     case: Case,
     runs: impl Iterator<Item = &'a Run> + Clone,
-) -> [crate::out::measure::Figure; 9] {
+) -> [report::measure::Figure; 9] {
     let rms = Distribution::of(runs.clone().map(|run| Some(run.error_rms_deg)));
     let largest = Distribution::of(runs.clone().map(|run| Some(run.error_max_deg)));
     let end = Distribution::of(runs.clone().map(|run| Some(run.error_end_deg)));

@@ -14,10 +14,10 @@ use tvc_nano::Axis;
 use super::flights::{FLIGHT_S, START_RATE_RAD_S, with_wait_states};
 use crate::flight::fly::Fly;
 use crate::flight::requirements;
-use crate::out::distribution::Distribution;
-use crate::out::measure::{Figures, data, figure, rows};
-use crate::out::page::{figure as picture, page, verdicts};
-use crate::out::plot::{Line, Plot};
+use report::distribution::Distribution;
+use report::measure::{Figures, data, figure, rows};
+use report::page::{figure as picture, page, verdicts};
+use report::plot::{Line, Plot};
 
 /// Tilts of one axis or of each, rad.
 pub(super) const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.6];
@@ -143,7 +143,7 @@ fn summary<'a, I: Iterator<Item = &'a Run>>(
     direction: &'static str,
     of: impl Fn() -> I,
     options: &Fly,
-) -> [crate::out::measure::Figure; 6] {
+) -> [report::measure::Figure; 6] {
     // A run that has left control has neither settled nor a bounded overshoot.
     let tilted = |value: fn(&Run, usize) -> Option<f64>| {
         let values = of().flat_map(move |run| {

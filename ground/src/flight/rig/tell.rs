@@ -6,7 +6,7 @@ use ::rig::action::{Action, HELP};
 use anyhow::Result;
 use clap::Args;
 
-use crate::out::exit::{BadInput, Verdict};
+use report::exit::{BadInput, Verdict};
 
 /// Options of `tvc rig tell`.
 #[derive(Debug, Args)]
@@ -57,7 +57,7 @@ pub fn run(options: &Tell) -> Result<Verdict> {
     use anyhow::Context;
 
     use crate::input::ANSWER;
-    use crate::out::file::print;
+    use report::file::print;
 
     /// Time for an answer.
     const PATIENCE: Duration = Duration::from_secs(5);

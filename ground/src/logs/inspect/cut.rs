@@ -13,8 +13,8 @@ use serde_json::json;
 use super::Cut;
 use super::info::releases;
 use crate::logs::log::{self, Frames, Log, Writer};
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::print_json;
+use report::exit::{BadInput, Verdict};
+use report::file::print_json;
 
 /// How much before and after a release is written with it, s.
 const AROUND_S: f64 = 2.0;
@@ -51,17 +51,6 @@ pub fn run(options: &Cut, json: bool) -> Result<Verdict> {
     }
     writer.end()?;
     done(&options.file, frames.len(), json)
-}
-
-/// What would stand before a part, and the releases: for the fuzzer.
-#[cfg(test)]
-pub fn fuzzed(bytes: &[u8], log: &Log, number: u64) {
-    let _ = releases(log);
-    let frames: Vec<_> = Frames::of(bytes).collect();
-    let part = &frames[number as usize % (frames.len() + 1)..];
-    let begin_us = part.first().map_or(0, |frame| frame.0);
-    let whole = |frame: &Vec<u8>| Wire::frame_length(frame) == Some(frame.len());
-    assert!(known(bytes, begin_us, part).iter().all(whole));
 }
 
 /// Says what was written.
@@ -107,7 +96,7 @@ fn range(options: &Cut, log: &Log) -> Result<(f64, f64)> {
 /// Frames with what was told before a part and still holds in it: the tool that kept the log, the
 /// vehicle's build, its parameters and its state. Those of the vehicle have the sequence numbers
 /// before that of the part's first one, so that no message counts as lost.
-fn known(bytes: &[u8], begin_us: u64, part: &[(u64, &[u8])]) -> Vec<Vec<u8>> {
+pub fn known(bytes: &[u8], begin_us: u64, part: &[(u64, &[u8])]) -> Vec<Vec<u8>> {
     let mut tool = None;
     let mut told: BTreeMap<(u8, String), MavMessage> = BTreeMap::new();
     let before = Frames::of(bytes).take_while(|(time_us, frame)| {

@@ -10,8 +10,8 @@ use mavlink::Message;
 use mavlink::dialects::common::MavMessage;
 
 use crate::logs::log::{Log, Origin};
-use crate::out::exit::Verdict;
-use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
+use report::exit::Verdict;
+use report::measure::{Figure, Figures, data, figure, rows, shown};
 
 /// Gaps that are shown; `--json` has all.
 const GAPS_SHOWN: usize = 5;

@@ -1,6 +1,6 @@
 //! `tvc log`: what a log holds, a part of it as a log of its own, and what is left of a broken one.
 
-mod cut;
+pub mod cut;
 pub mod info;
 pub mod recover;
 
@@ -9,8 +9,8 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 
-use crate::out::exit::Verdict;
-use crate::out::kind;
+use report::exit::Verdict;
+use report::kind;
 
 /// Options of `tvc log`.
 #[derive(Debug, Args)]
@@ -98,12 +98,6 @@ pub struct Cut {
     /// The release with this number, as `tvc log info` counts them, with two seconds on both sides.
     #[arg(long, value_name = "N", conflicts_with_all = ["from", "to"])]
     pub release: Option<usize>,
-}
-
-/// A part of a log as [`cut`] makes it, and its releases: for the fuzzer.
-#[cfg(test)]
-pub fn fuzzed(bytes: &[u8], log: &super::log::Log, number: u64) {
-    cut::fuzzed(bytes, log, number);
 }
 
 /// Parses a time in a log, s.

@@ -8,7 +8,7 @@ use client::Wire;
 use super::cut::done;
 use crate::input;
 use crate::logs::log::{self, Frames, Writer};
-use crate::out::exit::{BadInput, Verdict};
+use report::exit::{BadInput, Verdict};
 
 /// Time between neighbours in a log from which one of them must be wrong, us: a day.
 const JUMP_US: u64 = 86_400_000_000;

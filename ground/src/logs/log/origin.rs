@@ -6,7 +6,7 @@ use client::request::text_of;
 use mavlink::dialects::common::{AUTOPILOT_VERSION_DATA, MavMessage};
 
 use super::Entry;
-use crate::out::measure::{Figure, figure};
+use report::measure::{Figure, figure};
 
 /// The last second of the year 9999, us since 1970: later dates have no such form.
 const LATEST_US: u64 = 253_402_300_799_000_000;
@@ -91,8 +91,8 @@ pub fn vehicle_build(told: &AUTOPILOT_VERSION_DATA) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::out::measure::Figures;
     use client::request::status_text;
+    use report::measure::Figures;
 
     #[test]
     fn a_log_tells_its_date_and_both_builds() {

@@ -9,7 +9,7 @@ use client::{LinkCounts, Wire};
 
 use super::{Entry, Frames, MCAP_MAGIC, is_from_vehicle, unpacked, unreadable};
 use crate::input;
-use crate::out::exit::BadInput;
+use report::exit::BadInput;
 
 /// Bytes that are read at a time.
 const PIECE: usize = 64 << 10;

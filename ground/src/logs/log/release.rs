@@ -6,7 +6,7 @@ use client::state::state_of;
 use tvc_nano::{Axis, Params};
 
 use super::{Event, Flight, Step};
-use crate::out::exit::BadInput;
+use report::exit::BadInput;
 
 /// A release until control ended.
 pub struct Release<'a> {

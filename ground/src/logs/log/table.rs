@@ -6,7 +6,7 @@ use anyhow::Result;
 use client::state::state_name;
 
 use super::{Event, Flight};
-use crate::out::file::write_whole;
+use report::file::write_whole;
 
 const HEAD: &str = "time_us,state,lost_before,sample_time_us,acc_x,acc_y,acc_z,gyr_x,gyr_y,gyr_z,mag_x,mag_y,mag_z,\
                     q_w,q_x,q_y,q_z,roll_rate_rad_s,pitch_rate_rad_s,yaw_rate_rad_s,crank_rad,pulse_us,\

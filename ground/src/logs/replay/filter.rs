@@ -9,7 +9,7 @@ use tvc_fusion::fixed::Scale;
 use tvc_nano::{Params, mount::Mount};
 
 use crate::logs::log::Flight;
-use crate::out::exit::BadInput;
+use report::exit::BadInput;
 
 /// Time and pitch (rad) after every sample, by a filter in single precision with its default gains;
 /// `offline`: in both directions of time, so that what comes later counts too.

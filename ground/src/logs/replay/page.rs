@@ -7,8 +7,8 @@ use maud::html;
 
 use super::{Figures, Pair, words};
 use crate::logs::log::Step;
-use crate::out::page::{figure, page};
-use crate::out::plot::{Line, Plot};
+use report::page::{figure, page};
+use report::plot::{Line, Plot};
 
 /// The whole page.
 pub fn render(

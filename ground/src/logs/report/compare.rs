@@ -7,11 +7,11 @@ use maud::html;
 
 use super::{figures, response, servo};
 use crate::logs::log::{Flight, Release, Step};
-use crate::out::exit::Verdict;
-use crate::out::file::{hand_over, print, print_json};
-use crate::out::measure::{Figure, Figures, data, figure, judged, rows};
-use crate::out::page;
-use crate::out::plot::{Line, Plot};
+use report::exit::Verdict;
+use report::file::{hand_over, print, print_json};
+use report::measure::{Figure, Figures, data, figure, judged, rows};
+use report::page;
+use report::plot::{Line, Plot};
 use tvc_nano::Axis;
 
 /// Reads the logs, prints the table of their releases, writes the page, and names the requirements

@@ -13,9 +13,9 @@ use super::sweep::Sweep;
 use super::{events, last_parameters};
 use crate::flight::figures::settling_band_deg;
 use crate::logs::log::{Event, Flight, Release, Step};
-use crate::out::measure::Figures;
-use crate::out::page::{figure, page, table, verdicts};
-use crate::out::plot::{Line, Plot};
+use report::measure::Figures;
+use report::page::{figure, page, table, verdicts};
+use report::plot::{Line, Plot};
 
 /// The whole page.
 pub fn render(log: &Path, flight: &Flight, figures: &Figures) -> Result<String> {

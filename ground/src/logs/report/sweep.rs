@@ -14,8 +14,8 @@ use serde::Serialize;
 use tvc_nano::Axis;
 
 use crate::logs::log::Release;
-use crate::out::page::figure;
-use crate::out::plot::{Line, Plot};
+use report::page::figure;
+use report::plot::{Line, Plot};
 
 /// First and last frequency of a sweep, Hz.
 pub const FROM_HZ: f64 = 0.2;

@@ -5,7 +5,7 @@ use plant::linear::Rank;
 use serde::Serialize;
 
 use super::Analysis;
-use crate::out::measure::{Figure, Figures, data, figure, note, rows, shown};
+use report::measure::{Figure, Figures, data, figure, note, rows, shown};
 
 /// Residual pitch acceleration below which a point counts as an equilibrium, in rad/s2.
 const AT_REST_RAD_S2: f64 = 1e-2;

@@ -12,7 +12,7 @@ use plant::{Mechanism, Parameters, ServoModel, Setup};
 
 use super::read;
 use crate::model::Linear;
-use crate::out::exit::{BadInput, Verdict};
+use ::report::exit::{BadInput, Verdict};
 use rig::ServoKind;
 
 /// Frames shorter than this (s) belong to a digital servo, whose gains are higher.

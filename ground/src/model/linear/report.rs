@@ -7,8 +7,8 @@ use plant::linear::frequency::Response;
 use plant::linear::transfer::{LocusPoint, TransferFunction};
 
 use super::Analysis;
-use crate::out::page::{figure, page, verdict};
-use crate::out::plot::{Line, Look, Marks, Plot, Shape};
+use report::page::{figure, page, verdict};
+use report::plot::{Line, Look, Marks, Plot, Shape};
 
 /// Frequencies of the Bode plots, in rad/s.
 const BODE: (f64, f64) = (0.1, 300.0);

@@ -17,9 +17,9 @@ use super::table::Row;
 use crate::input;
 use crate::model::control_law::Law;
 use crate::model::montecarlo::ReplayRun;
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::write_whole;
-use crate::out::measure::{Figures, figure};
+use report::exit::{BadInput, Verdict};
+use report::file::write_whole;
+use report::measure::{Figures, figure};
 
 /// Most steps of a run: eight minutes of them as the model has them.
 const MOST_STEPS: f64 = 1e6;
@@ -97,8 +97,7 @@ impl Case {
         Ok(case)
     }
 
-    /// Its length, s: for the fuzzer.
-    #[cfg(test)]
+    /// Its length, s.
     pub fn seconds(&self) -> f64 {
         self.seconds
     }

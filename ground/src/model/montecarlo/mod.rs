@@ -2,10 +2,10 @@
 
 mod case;
 mod options;
-mod report;
+pub mod report;
 mod rocket;
-mod summary;
-mod table;
+pub mod summary;
+pub mod table;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -16,9 +16,9 @@ use plant::dispersion::{self, Campaign, Ranges};
 use plant::pitch_loop::Timing;
 
 use crate::model::control_law::{self, Law};
-use crate::out::exit::Verdict;
-use crate::out::file::write_table;
-use crate::out::kind::{self, Kind};
+use ::report::exit::Verdict;
+use ::report::file::write_table;
+use ::report::kind::{self, Kind};
 pub use case::Case;
 pub use options::{Merge, MonteCarlo, MonteCarloCommand, MonteCarloVehicle, ReplayRun};
 use summary::Worst;
@@ -96,17 +96,6 @@ fn fly(options: &MonteCarlo, report: &Path) -> Result<Verdict> {
     let page = report::render(&figures, &rows)?;
     let verdict = figures.conclude(options.json, Some((report, page)));
     written.and(verdict)
-}
-
-/// The figures of a table of runs, as [`merge`] has them: for the fuzzer.
-#[cfg(test)]
-pub fn merged(path: &Path, with_page: bool) -> Result<()> {
-    let rows = table::merge(&[path])?;
-    let figures = summary::figures(&rows, &Worst::of(&rows, WORST), None);
-    if with_page {
-        report::render(&figures, &rows)?;
-    }
-    Ok(())
 }
 
 /// As many threads as are wanted.

@@ -7,7 +7,7 @@ use plant::dispersion::Ranges;
 use rig::ServoKind;
 
 use crate::arguments::shard;
-use crate::out::kind;
+use report::kind;
 
 /// Options of `tvc montecarlo`.
 #[derive(Debug, Args)]

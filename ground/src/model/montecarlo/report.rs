@@ -4,9 +4,9 @@ use anyhow::Result;
 use maud::{Markup, html};
 
 use super::table::Row;
-use crate::out::measure::Figures;
-use crate::out::page::{figure, page, table, verdict};
-use crate::out::plot::{Line, Look, Marks, Plot, Shape};
+use report::measure::Figures;
+use report::page::{figure, page, table, verdict};
+use report::plot::{Line, Look, Marks, Plot, Shape};
 
 /// Starts are told apart by colour: the least of their magnitudes, rad, and the name in the legend.
 const STARTS: [(f64, &str); 3] = [

@@ -13,12 +13,12 @@ use serde::Serialize;
 use super::{MonteCarlo, pool, progress};
 use crate::flight::requirements::ASCENT_ERROR_MOST_DEG;
 use crate::model::ascent::{self, Law, Outcome};
-use crate::out::distribution::Distribution;
-use crate::out::exit::Verdict;
-use crate::out::measure::Limit::AtLeast;
-use crate::out::measure::{Figures, data, figure};
-use crate::out::page::{figure as picture, page, verdicts};
-use crate::out::plot::{Line, Plot};
+use report::distribution::Distribution;
+use report::exit::Verdict;
+use report::measure::Limit::AtLeast;
+use report::measure::{Figures, data, figure};
+use report::page::{figure as picture, page, verdicts};
+use report::plot::{Line, Plot};
 
 /// Runs that are named, the worst first.
 const WORST: usize = 5;

@@ -4,8 +4,8 @@ use plant::dispersion::{self, Outcome};
 use serde::Serialize;
 
 use super::table::Row;
-use crate::out::measure::Limit::AtLeast;
-use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
+use report::measure::Limit::AtLeast;
+use report::measure::{Figure, Figures, data, figure, rows, shown};
 
 /// One of the worst runs.
 #[derive(Debug, Serialize)]

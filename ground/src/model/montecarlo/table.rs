@@ -7,7 +7,7 @@ use plant::dispersion::{Draw, Outcome};
 use recordings::Lines;
 use serde::{Deserialize, Serialize};
 
-use crate::out::exit::BadInput;
+use report::exit::BadInput;
 
 /// A run: the campaign that it belongs to, what it drew, and its result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -6,7 +6,7 @@ use plant::rocket::{self, Attitude, Flight, Rocket, RocketSample};
 use tvc_pid::{Config, Controller, Gains, Law as _, Pid, Schedule};
 
 use super::{OVERSHOOT_PCT, SETTLING_S};
-use crate::out::measure::{Figure, Value, figure, rows};
+use report::measure::{Figure, Value, figure, rows};
 
 /// Natural frequency (rad/s) and damping that the gains are to give.
 const NATURAL_RAD_S: f64 = 3.0;

@@ -9,9 +9,9 @@ use plant::rocket::{Rocket, RocketParameters};
 use serde::Serialize;
 
 use super::options::Rocket as Options;
-use crate::out::exit::Verdict;
-use crate::out::measure::Limit::{self, AtMost};
-use crate::out::measure::{Figures, data, note, rows};
+use ::report::exit::Verdict;
+use ::report::measure::Limit::{self, AtMost};
+use ::report::measure::{Figures, data, note, rows};
 use flights::{Airframe, ScheduleRow};
 
 /// Specific impulse that oxygen and ethanol reach, in s.

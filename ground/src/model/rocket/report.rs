@@ -6,9 +6,9 @@ use plant::rocket::RocketSample;
 
 use super::Implied;
 use super::flights::{Airframe, ScheduleRow, Step};
-use crate::out::measure::Figures;
-use crate::out::page::{figure, page, verdicts};
-use crate::out::plot::{Line, Plot};
+use report::measure::Figures;
+use report::page::{figure, page, verdicts};
+use report::plot::{Line, Plot};
 
 /// The whole page as HTML.
 pub fn render(

@@ -16,8 +16,8 @@ use tvc_nano::params::Range;
 
 use super::margins::{self, Margins};
 use crate::model::control_law::Law;
-use crate::out::distribution::Distribution;
-use crate::out::measure::{Figure, Limit::AtMost, figure};
+use report::distribution::Distribution;
+use report::measure::{Figure, Limit::AtMost, figure};
 
 /// Parameters that are searched, by the firmware's names: those of the surface law, and the servo
 /// as it is best taken to be.

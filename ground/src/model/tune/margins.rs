@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use tvc_nano::Params;
 
 use crate::model::control_law::Law;
-use crate::out::measure::{Figure, Limit::AtLeast, figure};
+use report::measure::{Figure, Limit::AtLeast, figure};
 
 /// Step of the model, s.
 const STEP_S: f64 = 1e-3;

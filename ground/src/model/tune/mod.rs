@@ -17,11 +17,11 @@ use rig::ServoKind;
 use tvc_nano::Params;
 
 use crate::model::control_law;
-use crate::out::exit::Verdict;
-use crate::out::file::write_whole;
-use crate::out::kind;
-use crate::out::measure::{Figure, Figures, data, figure, rows};
 use crate::param_file;
+use report::exit::Verdict;
+use report::file::write_whole;
+use report::kind;
+use report::measure::{Figure, Figures, data, figure, rows};
 
 /// Options of `tvc tune`.
 #[derive(Debug, Args)]

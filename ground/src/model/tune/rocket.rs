@@ -10,8 +10,8 @@ use tvc_pid::Gains;
 use super::Tune;
 use super::search::{self, CANDIDATES};
 use crate::model::ascent::{self, Law, Outcome};
-use crate::out::exit::Verdict;
-use crate::out::measure::{Figure, Figures, figure, rows};
+use report::exit::Verdict;
+use report::measure::{Figure, Figures, figure, rows};
 
 /// Seeds of the flights by which gains are judged, beyond those that anybody flies by default.
 const SEEDS: std::ops::Range<u64> = 10_001..10_005;

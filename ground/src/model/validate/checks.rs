@@ -5,8 +5,8 @@ use plant::Parameters;
 use plant::scenario::Row;
 
 use super::runs::{Instant, Runs};
-use crate::out::measure::Limit::{self, Near, Within};
-use crate::out::measure::{Figure, figure};
+use report::measure::Limit::{self, Near, Within};
+use report::measure::{Figure, figure};
 
 /// A number that must lie in a range, and the thesis' figure that it belongs to, if any.
 pub type Check = (Option<&'static str>, Figure);

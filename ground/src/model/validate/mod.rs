@@ -11,8 +11,8 @@ use plant::{Mechanism, Parameters};
 use serde::Serialize;
 
 use crate::model::Validate;
-use crate::out::exit::Verdict;
-use crate::out::measure::{Figures, data, note, rows};
+use ::report::exit::Verdict;
+use ::report::measure::{Figures, data, note, rows};
 use runs::Runs;
 
 /// A figure of the thesis that the right equations do not give.

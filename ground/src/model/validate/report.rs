@@ -8,9 +8,9 @@ use plant::thesis::Deviation;
 use super::NOT_REPRODUCED;
 use super::checks::{Check, figures};
 use super::runs::{Instant, Runs};
-use crate::out::measure::rows;
-use crate::out::page::{figure, page, table, verdicts};
-use crate::out::plot::{Line, Plot};
+use report::measure::rows;
+use report::page::{figure, page, table, verdicts};
+use report::plot::{Line, Plot};
 
 /// Pitch acceleration of the artefact that figure 5.12 shows, in rad/s2: 0.038 N m on the inertia
 /// of body and rudder that equation (5.30) has.

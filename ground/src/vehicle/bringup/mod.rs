@@ -6,7 +6,7 @@ mod faults;
 mod row;
 mod sensor;
 mod session;
-mod target;
+pub mod target;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -24,13 +24,13 @@ use target::{Board, OnRig, Target};
 
 use crate::flight::hardware::HardwareChoice;
 use crate::image::ImageOption;
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{hand_over, print_figures};
-use crate::out::kind;
-use crate::out::page::{page, verdict};
-use crate::out::table::Table;
 use crate::vehicle::calibrate::keyboard::is_attended;
 use crate::vehicle::port::PortOptions;
+use report::exit::{BadInput, Verdict};
+use report::file::{hand_over, print_figures};
+use report::kind;
+use report::page::{page, verdict};
+use report::table::Table;
 
 /// Options of `tvc bringup`.
 #[derive(Debug, Args)]
@@ -132,7 +132,7 @@ pub fn run(options: &Bringup) -> Result<Verdict> {
 }
 
 /// All rows, in the order of the first hour.
-fn examine(target: &mut dyn Target, hands: bool) -> Result<Vec<Row>> {
+pub fn examine(target: &mut dyn Target, hands: bool) -> Result<Vec<Row>> {
     /// How long the sensor may take from power-on until it is sampled.
     const START: Duration = Duration::from_secs(8);
     let progress = ProgressBar::new_spinner();
@@ -170,11 +170,4 @@ fn examine(target: &mut dyn Target, hands: bool) -> Result<Vec<Row>> {
     rows.push(faults::watchdog(&mut session)?);
     progress.finish_and_clear();
     Ok(rows)
-}
-
-/// The first hour with a board that sends these bytes, and then stops: for the fuzzer.
-#[cfg(test)]
-pub fn fuzzed(bytes: &[u8]) {
-    // That it stops is no fault of this program.
-    let _ = examine(&mut target::Fed::new(bytes), false);
 }

@@ -8,7 +8,7 @@ use world_magnetic_model::uom::si::f32::{Angle, Length};
 use world_magnetic_model::uom::si::length::meter;
 
 use super::options::{Calibrate, Day, Place};
-use crate::out::exit::BadInput;
+use report::exit::BadInput;
 
 /// The declination that the command line asks for, deg, if it asks for one.
 ///

@@ -17,8 +17,8 @@ use super::person::{Ending, Question};
 use super::session::Session;
 use super::{declination, readings};
 use crate::logs::log::Writer;
-use crate::out::exit::Verdict;
-use crate::out::file::{print_json, write_whole};
+use report::exit::Verdict;
+use report::file::{print_json, write_whole};
 
 /// Length of the tombstone test, s.
 const REST_S: f64 = 10.0;

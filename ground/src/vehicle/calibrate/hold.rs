@@ -20,9 +20,9 @@ use tvc_nano::telemetry::CRANKS;
 use super::options::Calibrate;
 use super::person::Ending;
 use super::session::{Session, UNCHANGED, verdict};
-use crate::out::exit::Verdict;
-use crate::out::file::print_json;
 use crate::vehicle::test::arm;
+use report::exit::Verdict;
+use report::file::print_json;
 
 const NAME: &str = "SRV_HOLD_DEG";
 /// Time from the release until it is measured.

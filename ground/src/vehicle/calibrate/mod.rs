@@ -21,8 +21,8 @@ pub mod write;
 use anyhow::Result;
 use calibration::fit;
 
-use crate::out::exit::Verdict;
-use crate::out::file::print_figures;
+use ::report::exit::Verdict;
+use ::report::file::print_figures;
 use figures::Figures;
 pub use options::{Calibrate, place};
 use options::{Files, SetUp};

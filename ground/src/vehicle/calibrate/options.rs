@@ -1,11 +1,11 @@
 //! Options of `tvc calibrate`.
 
 use crate::arguments::seconds;
-use crate::out::kind::{self, Kind};
 use crate::vehicle::param::ParamPort;
 use anyhow::Result;
 use calibration::{STANDARD_GRAVITY, Sensor, Wanted};
 use clap::{Args, Subcommand};
+use report::kind::{self, Kind};
 use std::path::{Path, PathBuf};
 use tvc_nano::Axis;
 

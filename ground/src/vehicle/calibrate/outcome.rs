@@ -10,8 +10,8 @@ use tvc_nano::Params;
 use super::figures::Figures;
 use super::options::Files;
 use super::report;
-use crate::out::file::write_whole;
 use crate::param_file;
+use ::report::file::write_whole;
 use client::Parameter;
 
 /// Parameters and figures of a calibration.

@@ -12,9 +12,9 @@ use super::options::Calibrate;
 use super::person::Ending;
 use super::session::{Seen, Session, verdict};
 use super::write::{CHECKED, POLARITY, SECOND_POLARITY, UNCHECKED, WATCHED, write};
-use crate::out::exit::Verdict;
-use crate::out::file::print_json;
 use client::Parameter;
+use report::exit::Verdict;
+use report::file::print_json;
 use tvc_nano::Axis;
 
 /// Least pitch of a tilt, and largest pitch that counts as upright, rad.

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use recordings::{Source, bno055};
 
 use crate::logs::log::{each_message, has_extension};
-use crate::out::exit::BadInput;
+use report::exit::BadInput;
 
 /// Fewest samples: a second of them.
 const FEWEST: usize = 100;

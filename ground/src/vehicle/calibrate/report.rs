@@ -9,8 +9,8 @@ use maud::{Markup, PreEscaped, html};
 use nalgebra::Vector3;
 
 use super::figures::Figures;
-use crate::out::page;
-use crate::out::plot::{Line, Look, Marks, Plot, Shape};
+use report::page;
+use report::plot::{Line, Look, Marks, Plot, Shape};
 
 /// Largest number of points that are drawn of a cloud.
 const MOST_POINTS: usize = 600;

@@ -12,8 +12,8 @@ use tvc_nano::{Axis, Params};
 use super::options::{Calibrate, Servo};
 use super::person::{Ending, Question};
 use super::session::{Session, UNCHANGED};
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::print_json;
+use report::exit::{BadInput, Verdict};
+use report::file::print_json;
 
 /// Time after which a pulse is commanded again; the vehicle holds it for two seconds.
 const AGAIN: Duration = Duration::from_millis(500);

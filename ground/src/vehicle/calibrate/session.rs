@@ -19,10 +19,10 @@ use super::person::{Person, Question};
 use super::readings;
 use super::terminal::Terminal;
 use super::write::{CHECKED, POLARITY, SECOND_POLARITY, write};
-use crate::out::exit::Verdict;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::watch::Watched;
+use report::exit::Verdict;
 
 /// How much of the vehicle's time passes between two looks at its samples, s.
 const LOOK_S: f64 = 0.2;

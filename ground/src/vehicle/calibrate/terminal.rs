@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::keyboard::{Keyboard, Typed, is_attended};
 use super::person::{Person, Question};
 use super::picture::picture;
-use crate::out::file::print;
+use report::file::print;
 
 /// Width of a line that fits every terminal.
 const LINE: usize = 78;

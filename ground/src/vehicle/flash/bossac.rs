@@ -12,7 +12,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 
-use crate::out::exit::BadInput;
+use report::exit::BadInput;
 
 /// The oldest version that counts the offset from the start of flash.
 const OLDEST: (u32, u32) = (1, 9);

@@ -69,8 +69,7 @@ impl Relay {
         bytes
     }
 
-    /// The vehicle has this system id: for the fuzzer.
-    #[cfg(test)]
+    /// The vehicle has this system id.
     pub fn hears(&mut self, system: u8) {
         self.system = system;
     }

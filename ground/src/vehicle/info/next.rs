@@ -8,8 +8,8 @@ use tvc_nano::failsafe::StateKind;
 
 use super::vehicle::{SERVO, Told};
 use super::{Found, PortFound};
-use crate::out::exit::Verdict;
 use crate::vehicle::port::machine::in_use;
+use report::exit::Verdict;
 
 /// How things stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

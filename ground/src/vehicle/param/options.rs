@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use crate::out::kind;
 use crate::vehicle::port::PortOptions;
+use report::kind;
 
 /// Options of `tvc param`.
 #[derive(Debug, Args)]

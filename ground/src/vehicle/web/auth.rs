@@ -25,8 +25,7 @@ impl Token {
         ))
     }
 
-    /// One that is known: for the fuzzer.
-    #[cfg(test)]
+    /// One with this text.
     pub fn known(text: &str) -> Self {
         Self(text.to_owned())
     }

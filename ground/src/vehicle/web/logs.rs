@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use serde::Serialize;
 
 use crate::logs::log::{Writer, has_extension, span_us};
-use crate::out::exit::BadInput;
+use report::exit::BadInput;
 
 /// Most recordings of a kind in one folder.
 const MOST: u32 = 9999;

@@ -2,24 +2,22 @@
 //! serves the page ([`server`]) and each page's connection ([`socket`]). Orders come in at the
 //! [`desk`]; what is known stands in the [`model`].
 
-mod auth;
-mod desk;
-#[cfg(test)]
-pub mod fuzzed;
-mod handle;
+pub mod auth;
+pub mod desk;
+pub mod handle;
 mod logs;
 mod manoeuvre;
-mod model;
+pub mod model;
 mod relay;
 mod releases;
 mod report;
-mod rig;
-mod server;
+pub mod rig;
+pub mod server;
 mod set_up;
 mod socket;
-mod strangers;
-mod vehicle_thread;
-mod visitor;
+pub mod strangers;
+pub mod vehicle_thread;
+pub mod visitor;
 
 use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
@@ -34,12 +32,12 @@ use tokio::runtime;
 use tokio::time::sleep;
 
 use crate::arguments::seconds;
-use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::print;
 use crate::signals;
 use crate::vehicle::admission::Admission;
 use crate::vehicle::link::Link;
 use crate::vehicle::port::PortOptions;
+use ::report::exit::{BadInput, Verdict};
+use ::report::file::print;
 use auth::{Once, Token};
 use desk::Desk;
 use handle::Handle;

@@ -91,8 +91,7 @@ pub fn run(
     Ok(())
 }
 
-/// A vehicle that sends what comes by this link until it ends: for the fuzzer.
-#[cfg(test)]
+/// Takes what comes by this link into the model until the link ends; no page asks for anything.
 pub fn hear(link: Link, model: &Model) {
     let (_keep, asks) = super::handle::Handle::new();
     let mut session = Session::new(link, model, Path::new("."));

@@ -16,13 +16,6 @@ pub struct Visitor {
 }
 
 impl Visitor {
-    /// A page on this computer: for the fuzzer.
-    #[cfg(test)]
-    pub const OWN: Self = Self {
-        from: IpAddr::V4(std::net::Ipv4Addr::LOCALHOST),
-        may_command: true,
-    };
-
     /// Whoever comes from this address.
     pub fn of(from: IpAddr, admission: &Admission) -> Self {
         Self {
@@ -49,7 +42,7 @@ mod tests {
 
     #[test]
     fn a_page_on_another_computer_stops_and_looks_but_orders_nothing_else() {
-        let orders = include_str!("../../../fuzz_corpus/order/all.jsonl");
+        let orders = include_str!("../../../../lab/fuzz_corpus/order/all.jsonl");
         let order = |line| serde_json::from_str::<Message>(line).unwrap();
         let admits = |from: &str| {
             let visitor = Visitor::of(from.parse().unwrap(), &Admission::default());

@@ -1,0 +1,124 @@
+//! The ground tool `tvc` as a library: its commands, and what the laboratory (`lab`) shares with them.
+//! Messages for people go to standard error, data to standard output.
+
+#![forbid(unsafe_code)]
+#![allow(
+    missing_docs,
+    unreachable_pub,
+    clippy::missing_errors_doc,
+    clippy::new_without_default,
+    reason = "shared by the programs of this tree alone: `pub` marks what a module offers to others"
+)]
+
+pub mod arguments;
+pub mod cli;
+pub mod config;
+pub mod filters;
+pub mod flight;
+pub mod image;
+pub mod input;
+pub mod logs;
+pub mod model;
+pub mod param_file;
+mod renamed;
+pub mod shell;
+pub mod signals;
+pub mod vehicle;
+
+use std::process::ExitCode;
+
+use clap::error::ErrorKind;
+use clap::{CommandFactory, FromArgMatches};
+
+use cli::{Cli, Command};
+use config::Config;
+use report::exit::{BadInput, Verdict};
+
+/// `tvc`: carries out the command line of this process.
+pub fn main() -> ExitCode {
+    carry_out(|cli: Cli| run(cli.command))
+}
+
+/// Parses the command line of this process, with the configuration's defaults, and runs it.
+pub fn carry_out<C: CommandFactory + FromArgMatches>(
+    run: impl FnOnce(C) -> anyhow::Result<Verdict>,
+) -> ExitCode {
+    // In `tvc ... | head` the reader ends first, which is no error.
+    #[cfg(unix)]
+    sigpipe::reset();
+    let config = Config::load(&config::files()).map_err(BadInput::new);
+    let command = config
+        .as_ref()
+        .unwrap_or(&Config::default())
+        .apply(C::command());
+    let parsed = command
+        .try_get_matches()
+        .and_then(|found| C::from_arg_matches(&found));
+    report::exit::exit_code(match (parsed, config) {
+        (Err(error), _) if !error.use_stderr() => error.exit(),
+        (Err(error), _) => Err(usage(&error).into()),
+        (Ok(_), Err(error)) => Err(error.into()),
+        (Ok(cli), Ok(_)) => run(cli),
+    })
+}
+
+fn run(command: Command) -> anyhow::Result<Verdict> {
+    match command {
+        Command::Fly(options) => flight::fly::run(&options),
+        Command::Fuse(options) => filters::fuse::run(&options),
+        Command::Flash(options) => vehicle::flash::run(&options),
+        Command::Model(options) => model::run(&options),
+        Command::Identify(options) => model::identify::run(&options),
+        Command::Tune(options) => model::tune::run(&options),
+        Command::MonteCarlo(options) => model::montecarlo::run(&options),
+        Command::Rig(options) => flight::rig::run(&options),
+        Command::Info(options) => vehicle::info::run(&options),
+        Command::Ports(options) => vehicle::port::list(&options),
+        Command::Bringup(options) => vehicle::bringup::run(&options),
+        Command::Param(options) => vehicle::param::run(&options),
+        Command::Arm(options) => vehicle::arm::arm(&options),
+        Command::Disarm(options) => vehicle::arm::disarm(&options),
+        Command::Release(options) => vehicle::release::run(&options),
+        Command::Reboot(options) => vehicle::arm::reboot(&options),
+        Command::Monitor(options) => vehicle::monitor::run(&options),
+        Command::Record(options) => vehicle::record::run(&options),
+        Command::Recorder(options) => vehicle::recorder::run(&options),
+        Command::Forward(options) => vehicle::forward::run(&options),
+        Command::Calibrate(options) => vehicle::calibrate::run(&options),
+        Command::Replay(options) => logs::replay::run(&options),
+        Command::Log(options) => logs::inspect::run(&options),
+        Command::Convert(options) => logs::convert::run(&options),
+        Command::Report(options) => logs::report::run(&options),
+        Command::Test(options) => vehicle::test::run(&options),
+        Command::Completions(options) => shell::completions(&options, Cli::command()),
+        Command::Man(options) => shell::man(&options, Cli::command()),
+        Command::Web(options) => vehicle::web::run(&options),
+    }
+}
+
+/// The command line parser's complaint as one line: its first paragraph, which may list the values
+/// that would be accepted, and the name that may have been meant.
+fn usage(error: &clap::Error) -> BadInput {
+    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        return BadInput::new("a command is missing (see --help)");
+    }
+    if let Some(moved) = renamed::moved(error) {
+        return BadInput::new(moved);
+    }
+    let text = error.to_string();
+    let what: Vec<_> = text
+        .lines()
+        .map(str::trim)
+        .take_while(|line| !line.is_empty())
+        .collect();
+    let tip = text.lines().map(str::trim).find_map(|line| {
+        // Other tips are about names that begin with a dash.
+        line.strip_prefix("tip: ")
+            .filter(|tip| tip.contains("similar"))
+    });
+    let tip = tip.map_or(String::new(), |tip| format!("; {tip}"));
+    BadInput::new(format!(
+        "{}{tip} (see --help)",
+        what.join(" ").trim_start_matches("error: ")
+    ))
+}

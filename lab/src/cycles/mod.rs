@@ -1,0 +1,378 @@
+//! `lab cycles`: what one update of a filter costs on the chip, beside filters of other libraries,
+//! and what one of a control law costs.
+//!
+//! The package `cycles` makes two images of each, in one build profile: one that sets it up, which
+//! is run, and one that holds the update alone, whose size is measured.
+
+mod bench;
+mod candidates;
+mod figures;
+mod inputs;
+mod laws;
+mod readings;
+
+use std::collections::BTreeSet;
+use std::fmt::Display;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::thread;
+
+use anyhow::{Context, Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use recordings::{Recording, Scalar};
+use rig::Image;
+use rig::image::{Builder, Source};
+
+use bench::Bench;
+use candidates::Candidate;
+use clap::{Args, ValueEnum};
+use figures::{Figures, LawFigures, Report};
+use inputs::{Hard, Sample};
+use laws::Law;
+use report::exit::{BadInput, Verdict};
+use report::file::{print, print_json};
+
+/// Options of `lab cycles`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo lab cycles                         every filter, beside the crates of the field
+  cargo lab cycles --filter mahony         those with mahony in their name only: quicker
+  cargo lab cycles --library tvc-fusion    this project's own only
+  cargo lab cycles --law surface           the switching surface, in float and in fixed point
+  cargo lab cycles --law all               every control law, and no filter
+  cargo lab cycles --markdown              the table for a README
+  cargo lab cycles --json > cycles.json    figures for a script, nothing else on standard output
+
+What is measured, on an emulated Cortex-M0+ at exact instruction timing, of one update from a sample
+in memory to an orientation in memory, or from a reading in memory to an output:
+  mean       filters: over a recording of real sensors with a magnetometer sample each time, start-up
+             included; laws: over two seconds out of a tilt of 0.4 rad that each flies on a model
+  max        over that and over hard inputs: clipped, free fall, no field, random, gaps in time;
+             held, repeated and old readings
+  1ws        the same with one flash wait state
+  code       flash of the update and all it calls, constants included: an image that holds nothing
+             else, less one whose update is empty
+  RAM        the state
+  stack      depth from the call, measured by painting
+Every output of a law is compared with that of the same code on this computer; a bit that differs is
+an error.
+
+Exit status: 0 measured, 1 something failed, 2 unusable input.")]
+pub struct Cycles {
+    /// Only filters with this in their name; may be given more than once.
+    #[arg(long, value_name = "NAME")]
+    pub filter: Vec<String>,
+
+    /// Only filters of this library; may be given more than once.
+    #[arg(long, value_name = "CRATE")]
+    pub library: Vec<String>,
+
+    /// Control laws with this in their name, or "all"; filters then only where they are named. May
+    /// be given more than once.
+    #[arg(long, value_name = "NAME")]
+    pub law: Vec<String>,
+
+    /// What the compiler optimises for, in all images alike.
+    #[arg(long, value_enum, default_value_t = Optimise::Speed)]
+    pub optimise: Optimise,
+
+    /// Print the table as Markdown.
+    #[arg(long, conflicts_with = "json")]
+    pub markdown: bool,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What the compiler optimises for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Optimise {
+    /// Opt-level 3.
+    Speed,
+    /// Opt-level s, as the firmware.
+    Size,
+}
+
+/// What stands for every law.
+const ALL: &str = "all";
+
+/// Samples of each sort of hard input. Fixed point has more of them: it runs faster, and it has a
+/// limit of cycles to keep.
+const HARD_SAMPLES: usize = 32;
+const HARD_SAMPLES_FIXED: usize = 512;
+
+/// Largest angle to true up, RMS, deg; a filter that is farther off was not given what it expects.
+const MOST_TILT_DEG: f64 = 15.0;
+
+/// The filter's up is read once in so many samples.
+const TILT_EVERY: usize = 8;
+
+/// Measures what `options` name and prints the figures.
+///
+/// # Errors
+/// A name that matches nothing, an image that cannot be built, or one that does not run as it
+/// should.
+pub fn run(options: &Cycles) -> Result<Verdict> {
+    let (filters, laws) = (choose(options)?, choose_laws(&options.law)?);
+    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let recording = Recording::open(&workspace.join("tests/data/broad_11_cut.imuq"))?;
+    let recorded = inputs::recorded(&recording)?;
+    let builder = Builder::new(&mut |line| eprintln!("{line}"))?;
+    let maker = Maker {
+        builder,
+        folder: workspace,
+        profile: match options.optimise {
+            Optimise::Speed => "speed",
+            Optimise::Size => "firmware",
+        },
+    };
+    let progress = Progress::begin(2 * (filters.len() + laws.len()) + 1);
+    progress.step("building what all have in common; the first time this takes a minute");
+    let empty = maker.image(&[])?;
+    let filters = filters.iter().map(|candidate| {
+        measured(candidate, || {
+            let [whole, update] = maker.both(&progress, candidate, &candidate.feature())?;
+            let runs = measure(candidate, &whole, &recorded)?;
+            Ok(Figures::new(candidate, &runs, &update, &empty))
+        })
+    });
+    let filters = filters.collect::<Result<_>>()?;
+    let laws = laws.iter().map(|law| {
+        measured(law, || {
+            let [whole, update] = maker.both(&progress, law, &law.feature())?;
+            let runs = laws::measure(law, &whole)?;
+            Ok(LawFigures::new(law, &runs, &update, &empty))
+        })
+    });
+    let laws = laws.collect::<Result<_>>()?;
+    progress.end();
+    let report = Report::new(options.optimise, filters, laws);
+    if options.json {
+        print_json(&report)?;
+    } else {
+        print(report.table(options.markdown))?;
+    }
+    Ok(Verdict::Met)
+}
+
+/// The filters that the options name; each name must match one. All where none is named, unless
+/// laws are.
+fn choose(options: &Cycles) -> Result<Vec<Candidate>> {
+    if options.filter.is_empty() && options.library.is_empty() && !options.law.is_empty() {
+        return Ok(Vec::new());
+    }
+    let all = candidates::all();
+    let is_filter = |c: &Candidate, name: &String| c.filter.contains(name);
+    let is_library = |c: &Candidate, name: &String| c.library == name;
+    for name in &options.filter {
+        if !all.iter().any(|c| is_filter(c, name)) {
+            return Err(unknown(
+                "filter",
+                name,
+                all.iter().map(|c| c.filter.as_str()),
+            ));
+        }
+    }
+    for name in &options.library {
+        if !all.iter().any(|c| is_library(c, name)) {
+            return Err(unknown("library", name, all.iter().map(|c| c.library)));
+        }
+    }
+    let chosen: Vec<_> = all
+        .into_iter()
+        .filter(|c| options.filter.is_empty() || options.filter.iter().any(|n| is_filter(c, n)))
+        .filter(|c| options.library.is_empty() || options.library.iter().any(|n| is_library(c, n)))
+        .collect();
+    if chosen.is_empty() {
+        bail!(BadInput::new(format!(
+            "{} has no filter {}",
+            options.library.join(", "),
+            options.filter.join(", ")
+        )));
+    }
+    Ok(chosen)
+}
+
+/// The laws with one of these in their names; each must be in one.
+fn choose_laws(names: &[String]) -> Result<Vec<Law>> {
+    let all = laws::all();
+    let is_law = |law: &Law, name: &String| name == ALL || law.full_name().contains(name);
+    for name in names {
+        if !all.iter().any(|law| is_law(law, name)) {
+            let known: Vec<_> = all.iter().map(Law::full_name).collect();
+            let known = known.iter().map(String::as_str).chain([ALL]);
+            return Err(unknown("law", name, known));
+        }
+    }
+    let chosen = all.into_iter();
+    Ok(chosen
+        .filter(|law| names.iter().any(|name| is_law(law, name)))
+        .collect())
+}
+
+fn unknown<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a str>) -> anyhow::Error {
+    let known: BTreeSet<_> = known.collect();
+    let known: Vec<_> = known.into_iter().collect();
+    BadInput::new(format!("no {what} {name}; there are {}", known.join(", "))).into()
+}
+
+/// Makes images of the package `cycles`.
+struct Maker {
+    builder: Builder,
+    folder: PathBuf,
+    profile: &'static str,
+}
+
+impl Maker {
+    fn image(&self, features: &[&str]) -> Result<Image> {
+        let source = Source {
+            folder: &self.folder,
+            package: "cycles",
+            profile: self.profile,
+            features,
+        };
+        Ok(self.builder.build(&source)?)
+    }
+
+    /// The image that is run and the one that is weighed, of the feature that stands for `what`.
+    fn both(&self, progress: &Progress, what: &impl Display, feature: &str) -> Result<[Image; 2]> {
+        progress.step(&format!("building {what}"));
+        let images = [self.image(&["setup", feature])?, self.image(&[feature])?];
+        progress.step(&format!("running {what}"));
+        Ok(images)
+    }
+}
+
+/// The figures of `what`; an error names it.
+fn measured<T>(what: &impl Display, figures: impl FnOnce() -> Result<T>) -> Result<T> {
+    figures().with_context(|| what.to_string())
+}
+
+/// What was measured by running an image.
+#[derive(Debug, Clone, PartialEq)]
+struct Run {
+    /// Mean over the recording or the release, cycles.
+    mean: f64,
+    /// Largest of all updates, cycles, and the sort of input that it had.
+    max: u64,
+    max_input: &'static str,
+    stack_bytes: u32,
+    /// Angle to true up, RMS over the movement, deg, where it estimates up.
+    tilt_deg: Option<f64>,
+}
+
+/// Runs an image without and with a flash wait state.
+fn measure(candidate: &Candidate, image: &Image, recorded: &[Sample]) -> Result<[Run; 2]> {
+    let length = match candidate.scalar {
+        Scalar::Fixed => HARD_SAMPLES_FIXED,
+        _ => HARD_SAMPLES,
+    };
+    let hard = inputs::hard(recorded, length);
+    without_and_with_wait_state(|wait_states| {
+        run_image(candidate, image, wait_states, recorded, &hard)
+    })
+}
+
+/// Two runs at once, without and with a flash wait state.
+fn without_and_with_wait_state(run: impl Fn(u8) -> Result<Run> + Sync) -> Result<[Run; 2]> {
+    let [ideal, waiting] = thread::scope(|scope| {
+        let waiting = scope.spawn(|| run(1));
+        let ideal = run(0);
+        let waiting = waiting
+            .join()
+            .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        [ideal, waiting]
+    });
+    Ok([ideal?, waiting?])
+}
+
+fn run_image(
+    candidate: &Candidate,
+    image: &Image,
+    wait_states: u8,
+    recorded: &[Sample],
+    hard: &[Hard],
+) -> Result<Run> {
+    let fresh = Bench::boot(image, wait_states)?;
+    let mut bench = fresh.clone();
+    let mut worst = (0, "");
+    let mut total = 0;
+    let (mut tilt2, mut tilts) = (0.0, 0);
+    for (index, sample) in recorded.iter().enumerate() {
+        let cycles = bench.update(&sample.words(candidate.input))?;
+        total += cycles;
+        worst = worst.max((cycles, "the recording"));
+        if candidate.has_tilt()
+            && index.is_multiple_of(TILT_EVERY)
+            && let Some(truth) = sample.up()
+        {
+            let up = bench.up()?;
+            let cos: f64 = up.iter().zip(truth).map(|(a, b)| a * b).sum();
+            tilt2 += cos.clamp(-1.0, 1.0).acos().to_degrees().powi(2);
+            tilts += 1;
+        }
+    }
+    let tilt_deg = (tilts > 0).then(|| f64::sqrt(tilt2 / f64::from(tilts)));
+    if let Some(tilt) = tilt_deg
+        && (tilt.is_nan() || tilt > MOST_TILT_DEG)
+    {
+        bail!(
+            "{tilt:.1} deg from true up: it does not estimate what it should, and its figures mean nothing"
+        );
+    }
+    let mut stack_bytes = bench.stack_bytes();
+    // Hard input follows the recording, and it follows the start.
+    for start in [bench, fresh] {
+        for sort in hard {
+            let mut bench = start.clone();
+            for sample in &sort.samples {
+                let cycles = bench.update(&sample.words(candidate.input))?;
+                if cycles > worst.0 {
+                    worst = (cycles, sort.name);
+                }
+            }
+            stack_bytes = stack_bytes.max(bench.stack_bytes());
+        }
+    }
+    Ok(Run {
+        mean: total as f64 / recorded.len() as f64,
+        max: worst.0,
+        max_input: worst.1,
+        stack_bytes,
+        tilt_deg,
+    })
+}
+
+/// Progress on standard error: a bar on a terminal, a line for each step elsewhere.
+struct Progress(Option<ProgressBar>);
+
+impl Progress {
+    fn begin(steps: usize) -> Self {
+        Self(std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::new(steps as u64);
+            if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
+                bar.set_style(style);
+            }
+            bar
+        }))
+    }
+
+    fn step(&self, what: &str) {
+        match &self.0 {
+            Some(bar) => {
+                bar.inc(1);
+                bar.set_message(what.to_owned());
+                bar.tick();
+            }
+            None => eprintln!("{what}"),
+        }
+    }
+
+    fn end(self) {
+        if let Some(bar) = self.0 {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! `lab experiment`: the two navigation experiments of the thesis, and the three that it left for
+//! later, all estimators side by side on the same simulated sensors.
+
+mod candidates;
+mod figures;
+mod parts;
+mod report;
+mod truth;
+
+use anyhow::Result;
+
+use ::report::exit::Verdict;
+use ::report::file::{hand_over, print_figures};
+use ::report::kind::{Kind as FileKind, given_or};
+use candidates::CANDIDATES;
+use figures::Figures;
+use ground::filters::progress::Progress;
+use truth::Kind;
+mod options;
+pub use options::{Experiment, ExperimentCommand, GyroBias, Sensing};
+
+/// Runs the experiment, prints the figures and writes the report.
+///
+/// # Errors
+/// An estimator cannot be set up, or the report cannot be written.
+pub fn run(options: &Experiment) -> Result<Verdict> {
+    let (kind, sensing) = match &options.command {
+        ExperimentCommand::Static(sensing) => (Kind::Static, sensing),
+        ExperimentCommand::Motion(sensing) => (Kind::Motion, sensing),
+        ExperimentCommand::Vibration(sensing) => (Kind::Vibration, sensing),
+        ExperimentCommand::Jerk(sensing) => (Kind::Jerk, sensing),
+        ExperimentCommand::Acceleration(sensing) => (Kind::Acceleration, sensing),
+    };
+    let usual = format!("report/experiment-{}.html", kind.name());
+    let path = given_or(sensing.report.as_deref(), usual, FileKind::Page)?;
+    // Progress is counted in simulated ms; the sensors take as long as all estimators together.
+    let length = ((kind.duration_s() + sensing.warm_up) * 1e3) as u64;
+    let share = length / CANDIDATES.len() as u64;
+    let mut progress = Progress::new(length + share * CANDIDATES.len() as u64);
+    let samples = truth::samples(kind, sensing, &mut |seconds| {
+        progress.at("sensors", (seconds * 1e3) as u64);
+    });
+    progress.part_done(length);
+    let mut estimates = Vec::new();
+    for candidate in &CANDIDATES {
+        progress.at(candidate.name, 0);
+        estimates.push(candidate.estimate(kind, &samples)?);
+        progress.part_done(share);
+    }
+    progress.end();
+
+    let figures = Figures::new(kind, sensing.seed, &samples, &estimates);
+    let page = report::render(kind, &figures, &samples, &estimates)?;
+    let printed = print_figures(&figures, sensing.json, Figures::text);
+    hand_over(printed, Some((&path, page)), &figures.missed)
+}

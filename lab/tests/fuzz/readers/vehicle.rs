@@ -1,0 +1,209 @@
+//! What a vehicle sends, and what a ground station sends to it.
+
+use std::net::Ipv4Addr;
+use std::slice::Chunks;
+use std::sync::LazyLock;
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+use client::{Client, Frame, ServoMap, StatusTracker, Wire};
+use mavlink::dialects::common::{MavCmd, MavMessage};
+use tvc_nano::{Axis, Params};
+
+use super::{Outcome, expect};
+use ground::vehicle::admission::Admission;
+use ground::vehicle::bringup::target::Target;
+use ground::vehicle::forward::gate::Gate;
+use ground::vehicle::link::{Link, Vehicle};
+use ground::vehicle::signing::Signing;
+use ground::vehicle::way::Way;
+use ground::vehicle::{bringup, forward, info, monitor, recorder};
+
+/// Bytes that come at a time.
+const AT_A_TIME: usize = 300;
+
+/// A key.
+const KEY: &[u8; 32] = b"a key that is stored in no input";
+
+/// A way on which these bytes come, and then the port goes away.
+struct Fed {
+    bytes: Vec<u8>,
+    at: usize,
+}
+
+impl Fed {
+    fn link(bytes: &[u8]) -> Link {
+        let bytes = bytes.to_vec();
+        Link::at(Self { bytes, at: 0 })
+    }
+}
+
+impl Way for Fed {
+    fn name(&self) -> &str {
+        "input"
+    }
+
+    fn read(&mut self, _: Duration) -> Result<Vec<u8>> {
+        let rest = &self.bytes[self.at..];
+        let Some(next) = rest.chunks(AT_A_TIME).next() else {
+            bail!("it went away");
+        };
+        self.at += next.len();
+        Ok(next.to_vec())
+    }
+
+    fn write(&mut self, _: &[u8]) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// A board that sends these bytes, some every turn of a clock of its own, and then stops.
+struct FedBoard<'a> {
+    parts: Chunks<'a, u8>,
+    client: Client,
+    now: Duration,
+}
+
+impl<'a> FedBoard<'a> {
+    /// These bytes.
+    fn new(bytes: &'a [u8]) -> Self {
+        Self {
+            parts: bytes.chunks(100),
+            client: Client::default(),
+            now: Duration::ZERO,
+        }
+    }
+}
+
+impl Target for FedBoard<'_> {
+    fn client(&mut self) -> &mut Client {
+        &mut self.client
+    }
+
+    fn now(&self) -> Duration {
+        self.now
+    }
+
+    fn turn(&mut self) -> Result<Vec<Frame>> {
+        self.now += Duration::from_millis(20);
+        self.client.poll(self.now);
+        while self.client.outgoing().is_some() {}
+        let part = self.parts.next().context("nothing comes any more")?;
+        Ok(self.client.receive(self.now, part))
+    }
+
+    fn reopen(&mut self) -> Result<()> {
+        self.client = Client::default();
+        Ok(())
+    }
+
+    fn press_reset(&mut self) -> bool {
+        true
+    }
+}
+
+/// A vehicle that is asked for one thing or another. What it refuses, and that it goes away, is its
+/// own affair.
+pub fn asked(bytes: &[u8], number: u64) -> Outcome {
+    if number % 6 == 5 {
+        // That it stops is no fault of this program.
+        let _ = bringup::examine(&mut FedBoard::new(bytes), false);
+        return Ok(());
+    }
+    let Ok(mut vehicle) = Vehicle::at(Fed::link(bytes)) else {
+        return Ok(());
+    };
+    match number % 6 {
+        0 => drop(vehicle.parameters()),
+        1 => drop(vehicle.recording()),
+        2 => {
+            let _ = info::vehicle::ask_it(&mut vehicle, Some("0123abcd")).map(|told| {
+                told.lines(|_, _| ());
+                serde_json::to_string(&told)
+            });
+        }
+        3 => drop(vehicle.set_parameter("PID_KP", 1.0)),
+        _ => return watched(&mut vehicle),
+    }
+    Ok(())
+}
+
+/// A relay, whose files take longer to write than a datagram to read.
+fn relay() -> forward::Relay {
+    static NEW: LazyLock<forward::Relay> = LazyLock::new(forward::Relay::new);
+    NEW.clone()
+}
+
+/// As `tvc monitor` and `tvc forward` show it.
+fn watched(vehicle: &mut Vehicle) -> Outcome {
+    let servos = Axis::ALL.map(|axis| ServoMap::of_axis(&Params::default(), axis));
+    let mut tracker = StatusTracker::new(servos);
+    let mut relay = relay();
+    while let Ok(frames) = vehicle.receive() {
+        for frame in frames {
+            tracker.take(&frame.message);
+            let passed = Wire::default().receive_frames(&relay.pass(&frame));
+            let same = passed.first().map(|passed| &passed.message) == Some(&frame.message);
+            // No value equals itself that is no number.
+            let known = format!("{:?}", frame.message).contains("NaN");
+            expect(
+                same || known,
+                "a frame that is passed on says something else",
+            )?;
+        }
+        let status = tracker.next(vehicle.link().client());
+        serde_json::to_string(&status).map_err(|error| error.to_string())?;
+        let _ = monitor::lines(&status);
+    }
+    Ok(())
+}
+
+/// A vehicle behind the page of `tvc web`.
+pub fn page(bytes: &[u8], _: u64) -> Outcome {
+    super::page::heard(Fed::link(bytes));
+    Ok(())
+}
+
+/// The content of a recorder.
+pub fn recorder(bytes: &[u8], _: u64) -> Outcome {
+    let Ok(flight) = recorder::flight(bytes, Vec::new()) else {
+        return Ok(());
+    };
+    let _ = ground::logs::report::figures(&flight).text();
+    Ok(())
+}
+
+/// What comes to `tvc forward` by UDP: no more goes on to the vehicle than came, nothing of a
+/// stranger, and of what is not signed nothing where there is a key.
+pub fn station(bytes: &[u8], number: u64) -> Outcome {
+    let mut relay = relay();
+    if !number.is_multiple_of(4) {
+        relay.hears(1);
+    }
+    let shown = Ipv4Addr::new(192, 0, 2, 20);
+    let from = [Ipv4Addr::LOCALHOST, shown, Ipv4Addr::new(192, 0, 2, 66)][number as usize % 3];
+    let key = number
+        .is_multiple_of(5)
+        .then(|| Signing::parse(KEY).unwrap());
+    let has_key = key.is_some();
+    let mut gate = Gate::new(Admission::default(), shown.into(), key);
+    let admitted = gate.incoming(bytes, from.into());
+    let frames = Wire::default().receive_frames(&admitted);
+    let commands = frames.iter().any(|frame| match &frame.message {
+        MavMessage::PARAM_SET(_) | MavMessage::HEARTBEAT(_) => true,
+        MavMessage::COMMAND_LONG(long) => long.command == MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+        _ => false,
+    });
+    let may_command = from.is_loopback() && !has_key;
+    expect(may_command || !commands, "who may not command does")?;
+    let relayed = relay.take(&admitted);
+    expect(
+        relayed.to_vehicle.len() <= bytes.len(),
+        "it says more than it hears",
+    )?;
+    for answer in &relayed.to_station {
+        let frames = Wire::default().receive_frames(answer);
+        expect(frames.len() == 1, "an answer is no frame")?;
+    }
+    Ok(())
+}
