@@ -120,7 +120,7 @@ def control_law(scratch):
     shipped.write_text("PID_LAW 2\n")
     rows = []
     for servo, name in SERVOS.items():
-        tuned = tvc("tune", "--servo", servo, "--from", shipped, "--generations", 0)
+        tuned = tvc("tune", "--servo", servo, "--params", shipped, "--generations", 0)
         margins = tuned["margins"]
 
         def triple(key, of, form, runs=tuned["runs"]):
@@ -138,7 +138,7 @@ def control_law(scratch):
         ])
     head = ["from 0.2 / 0.4 / 0.8 rad, by the model", "times the limit, mean", "95 %", "overshoot, 95 %",
             "with a sensor at 35 Hz, worst", "gain margin", "delay margin", "peak sensitivity"]
-    text = "## Control law\n`cargo tvc tune --servo SERVO --from FILE --generations 0 --json` with the shipped gains: 50 " \
+    text = "## Control law\n`cargo tvc tune --servo SERVO --params FILE --generations 0 --json` with the shipped gains: 50 " \
            "flights from each tilt, and [margins](control.md) measured by flights of the model.\n\n"
     return text + table(head, rows)
 
@@ -254,12 +254,12 @@ def replays(scratch, broad):
     files += sorted(path for name in ("broad_03*", "broad_11*") for path in broad.glob(name)) if broad else []
     rows = []
     for path in files:
-        score = tvc("fly", "--replay", path, "--report", scratch / "replay.html")["replay"]
+        score = tvc("fly", "--recording", path, "--report", scratch / "replay.html")["replay"]
         rows.append([f"`{path.stem}`", f"{score['total_deg']:.2f} deg", f"{score['heading_deg']:.2f} deg",
                      f"{score['inclination_deg']:.2f} deg",
                      f"{score['steps_equal']:,} of {score['steps_compared']:,}"])
     head = ["recording", "total", "heading", "inclination", "quaternions equal to the host library's, bit for bit"]
-    return "## Recordings through the image\n`cargo tvc fly --replay FILE --json`.\n\n" + table(head, rows)
+    return "## Recordings through the image\n`cargo tvc fly --recording FILE --json`.\n\n" + table(head, rows)
 
 
 def filters(broad):

@@ -1,11 +1,11 @@
 //! The command line: every command with what it does, in the order of the help. The options and
 //! the code of a command are in the module of its name.
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::filters::fuse::Fuse;
 use crate::flight::{fly::Fly, rig::Rig};
-use crate::logs::{convert::Convert, inspect::LogCommand, replay::Replay, report::Report};
+use crate::logs::{inspect::LogCommand, replay::Replay, report::Report};
 use crate::model::{Model, identify::Identify, montecarlo::MonteCarlo, tune::Tune};
 use crate::shell::{Completions, Man};
 use crate::vehicle::arm::Operate;
@@ -16,9 +16,7 @@ use crate::vehicle::forward::Forward;
 use crate::vehicle::info::Info;
 use crate::vehicle::monitor::Monitor;
 use crate::vehicle::param::Param;
-use crate::vehicle::port::Ports;
 use crate::vehicle::record::Record;
-use crate::vehicle::recorder::Recorder;
 use crate::vehicle::release::Release;
 use crate::vehicle::test::Test;
 use crate::vehicle::web::Web;
@@ -35,6 +33,53 @@ pub struct Cli {
     pub command: Command,
 }
 
+/// The commands by what they are for, in the order of the help.
+const GROUPS: [(&str, &[&str]); 4] = [
+    ("Fly the image on the virtual rig", &["fly", "rig"]),
+    (
+        "Vehicle, the real one or the rig's",
+        &[
+            "info",
+            "flash",
+            "bringup",
+            "calibrate",
+            "param",
+            "monitor",
+            "web",
+            "record",
+            "forward",
+            "arm",
+            "disarm",
+            "release",
+            "reboot",
+            "test",
+        ],
+    ),
+    ("Logs", &["report", "replay", "log"]),
+    (
+        "Design",
+        &["model", "identify", "tune", "montecarlo", "fuse"],
+    ),
+];
+
+/// The command line, whose help has the commands in groups.
+pub fn command() -> clap::Command {
+    let command = Cli::command();
+    let mut help = String::from("{about}\n\nUsage: tvc COMMAND --help has options and examples\n");
+    for (heading, names) in GROUPS {
+        help += &format!("\n{heading}:\n");
+        for name in names {
+            let about = command
+                .find_subcommand(name)
+                .and_then(|found| found.get_about());
+            help += &format!("  {name:<12}{}\n", about.cloned().unwrap_or_default());
+        }
+    }
+    help +=
+        "\nIn the source tree `cargo tvc` starts it. `tvc completions`, `tvc man`: docs/tool.md.";
+    command.help_template(help)
+}
+
 /// The commands of the tool, in the order of the help: the rig, the vehicle, its logs, the physics,
 /// the filters.
 #[derive(Debug, Subcommand)]
@@ -46,13 +91,11 @@ pub enum Command {
     /// Look at port, vehicle, builds and calibration, and say what to do next.
     #[command(alias = "doctor")]
     Info(Info),
-    /// List the serial ports.
-    Ports(Ports),
     /// Build the image and put it on a Nano, or write it as a file.
     Flash(Flash),
     /// Examine a board for the first time: chip, clocks, sensor, servo, watchdog.
     Bringup(Bringup),
-    /// Calibrate the sensors, guided at a vehicle or from a recording, and set up the servo.
+    /// Calibrate sensors, servo and polarity, guided at the vehicle or from a recording.
     Calibrate(Calibrate),
     /// Show, change, compare, load and keep parameters.
     Param(Param),
@@ -60,7 +103,7 @@ pub enum Command {
     Monitor(Monitor),
     /// Watch, tune and stop the vehicle from a page in the browser.
     Web(Web),
-    /// Keep everything that the vehicle sends in a log.
+    /// Keep in a log what the vehicle sends, or its own record of the last release.
     Record(Record),
     /// Pass everything on to QGroundControl and PlotJuggler.
     Forward(Forward),
@@ -74,20 +117,15 @@ pub enum Command {
     Reboot(Operate),
     /// Fly a manoeuvre on the tether and measure it.
     Test(Test),
-    /// Fetch the steps around the last release from the vehicle's own memory.
-    #[command(alias = "burst")]
-    Recorder(Recorder),
     /// Make an HTML report of a log.
     Report(Report),
     /// Run the firmware's library on a log, bit for bit or with something changed.
     Replay(Replay),
-    /// Say what a log holds, cut a part out of it, recover a broken one.
+    /// Say what a log holds, cut a part out, recover a broken one, write it in another form.
     Log(LogCommand),
-    /// Write a log in another form: for Foxglove, for QGroundControl, as a table.
-    Convert(Convert),
     /// Find thrust, inertia, servo speed and delay from a recorded run.
     Identify(Identify),
-    /// The drone's physics: simulate it, make it linear, validate it, scale it to a rocket.
+    /// The drone's physics: simulate it, make it linear, fly a log's release again.
     Model(Model),
     /// Find gains for a drone and servo from requirements.
     Tune(Tune),
@@ -105,10 +143,37 @@ pub enum Command {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
+
+    #[test]
+    fn every_command_is_in_a_group_of_the_help_which_is_short() {
+        let mut command = command();
+        let grouped: Vec<_> = GROUPS
+            .iter()
+            .flat_map(|(_, names)| *names)
+            .copied()
+            .collect();
+        let own = ["completions", "man"];
+        let names = command
+            .get_subcommands()
+            .map(|command| command.get_name().to_owned());
+        let lost: Vec<_> = names
+            .filter(|name| !own.contains(&&**name) && !grouped.contains(&&**name))
+            .collect();
+        assert_eq!(lost, [""; 0]);
+        let help = command.render_help().to_string();
+        assert!(help.lines().count() <= 40, "{help}");
+        let fly = command.find_subcommand_mut("fly").unwrap();
+        let help = fly.render_long_help().to_string();
+        assert!(help.lines().count() <= 60, "{help}");
+        let wide: Vec<_> = help
+            .lines()
+            .filter(|line| line.chars().count() > 110)
+            .collect();
+        assert_eq!(wide, [""; 0]);
+    }
 
     #[test]
     fn the_definition_is_consistent() {
-        Cli::command().debug_assert();
+        command().debug_assert();
     }
 }

@@ -24,8 +24,7 @@ const BUILD_DIGITS: usize = 8;
 /// Which image.
 #[derive(Debug, Args)]
 pub struct ImageOption {
-    /// The image, an ELF file [default: built from the source tree round this folder, else the one
-    /// in this program].
+    /// The image [default: built from the sources here, else the one in tvc].
     #[arg(long, value_name = "FILE.elf")]
     pub image: Option<PathBuf>,
 }

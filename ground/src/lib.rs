@@ -25,10 +25,12 @@ pub mod shell;
 pub mod signals;
 pub mod vehicle;
 
+use std::env;
+use std::ffi::OsString;
 use std::process::ExitCode;
 
+use clap::FromArgMatches;
 use clap::error::ErrorKind;
-use clap::{CommandFactory, FromArgMatches};
 
 use cli::{Cli, Command};
 use config::Config;
@@ -36,24 +38,29 @@ use report::exit::{BadInput, Verdict};
 
 /// `tvc`: carries out the command line of this process.
 pub fn main() -> ExitCode {
-    carry_out(|cli: Cli| run(cli.command))
+    let mut words = env::args_os();
+    let name = words.next();
+    let (words, renamed) = renamed::present(words.collect());
+    for what in renamed {
+        eprintln!("note: {what}");
+    }
+    let words = name.into_iter().chain(words).collect();
+    carry_out(cli::command(), words, |cli: Cli| run(cli.command))
 }
 
-/// Parses the command line of this process, with the configuration's defaults, and runs it.
-pub fn carry_out<C: CommandFactory + FromArgMatches>(
+/// Parses a command line with the configuration's defaults, and runs it.
+pub fn carry_out<C: FromArgMatches>(
+    command: clap::Command,
+    words: Vec<OsString>,
     run: impl FnOnce(C) -> anyhow::Result<Verdict>,
 ) -> ExitCode {
     // In `tvc ... | head` the reader ends first, which is no error.
     #[cfg(unix)]
     sigpipe::reset();
     let config = Config::load(&config::files()).map_err(BadInput::new);
-    let command = config
-        .as_ref()
-        .unwrap_or(&Config::default())
-        .apply(C::command());
-    let parsed = command
-        .try_get_matches()
-        .and_then(|found| C::from_arg_matches(&found));
+    let command = config.as_ref().unwrap_or(&Config::default()).apply(command);
+    let parsed = command.try_get_matches_from(words);
+    let parsed = parsed.and_then(|found| C::from_arg_matches(&found));
     report::exit::exit_code(match (parsed, config) {
         (Err(error), _) if !error.use_stderr() => error.exit(),
         (Err(error), _) => Err(usage(&error).into()),
@@ -73,7 +80,6 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::MonteCarlo(options) => model::montecarlo::run(&options),
         Command::Rig(options) => flight::rig::run(&options),
         Command::Info(options) => vehicle::info::run(&options),
-        Command::Ports(options) => vehicle::port::list(&options),
         Command::Bringup(options) => vehicle::bringup::run(&options),
         Command::Param(options) => vehicle::param::run(&options),
         Command::Arm(options) => vehicle::arm::arm(&options),
@@ -82,16 +88,14 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Reboot(options) => vehicle::arm::reboot(&options),
         Command::Monitor(options) => vehicle::monitor::run(&options),
         Command::Record(options) => vehicle::record::run(&options),
-        Command::Recorder(options) => vehicle::recorder::run(&options),
         Command::Forward(options) => vehicle::forward::run(&options),
         Command::Calibrate(options) => vehicle::calibrate::run(&options),
         Command::Replay(options) => logs::replay::run(&options),
         Command::Log(options) => logs::inspect::run(&options),
-        Command::Convert(options) => logs::convert::run(&options),
         Command::Report(options) => logs::report::run(&options),
         Command::Test(options) => vehicle::test::run(&options),
-        Command::Completions(options) => shell::completions(&options, Cli::command()),
-        Command::Man(options) => shell::man(&options, Cli::command()),
+        Command::Completions(options) => shell::completions(&options, cli::command()),
+        Command::Man(options) => shell::man(&options, cli::command()),
         Command::Web(options) => vehicle::web::run(&options),
     }
 }

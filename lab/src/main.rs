@@ -2,8 +2,12 @@
 
 #![forbid(unsafe_code)]
 
+use std::env;
 use std::process::ExitCode;
 
+use clap::CommandFactory;
+use lab::Lab;
+
 fn main() -> ExitCode {
-    ground::carry_out(lab::Lab::run)
+    ground::carry_out(Lab::command(), env::args_os().collect(), Lab::run)
 }

@@ -39,7 +39,6 @@
 //! | [`dispersion`] | many runs with dispersed drones, on all cores |
 //! | [`identify`] | parameters from a recorded run |
 //! | [`scenario`] | a simulation described by a TOML file |
-//! | [`thesis`] | errors of the printed equations, with numbers |
 //! | [`rocket`] | the rocket that the drone stands for |
 //! | [`ascent`] | the rocket in six degrees of freedom, from the pad past burn-out, in wind |
 //! | [`response`] | overshoot, rise and settling of a recorded response |
@@ -80,7 +79,6 @@ mod root;
 pub mod scenario;
 pub mod servo;
 pub mod setup;
-pub mod thesis;
 mod tilt;
 pub mod two_axis;
 

@@ -13,12 +13,7 @@ pub struct HardwareChoice {
         value_name = "KEY=VALUE",
         value_delimiter = ',',
         value_parser = setting,
-        help = "What the emulated parts are like where real ones differ; --help lists the keys",
-        long_help = format!(
-            "What the emulated parts are like where real ones differ. Can be given several times, \
-             or several settings with commas between them:\n{}",
-            Hardware::help().trim_end()
-        )
+        help = "Parts that differ, such as stretch=400 (docs/hardware.md)"
     )]
     settings: Vec<String>,
 }

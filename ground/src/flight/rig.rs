@@ -27,17 +27,17 @@ use report::file::print;
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 #[command(after_help = "\
 Examples:
-  cargo tvc rig --pty                            prints the path of the port, runs until Ctrl-C
-  cargo tvc rig --pty --link ./nano              and makes ./nano a link to it
-  cargo tvc monitor --port ./nano                in a second terminal: every command works there
-  cargo tvc test step --port ./nano              arms, releases, prints the figures
-  cargo tvc rig --pty --vehicle drone2 --roll 0.3    two rudders: it pitches and rolls
-  cargo tvc rig --pty --vibration 5,180          with an unbalanced propeller, see --help
-  cargo tvc rig --pty --faults scenarios/faults.toml   with faults of the sensor in every flight
-  cargo tvc rig tell ./nano fault unplugged      something done by hand to the rig with that link
+  tvc rig --pty                            prints the path of the port, runs until Ctrl-C
+  tvc rig --pty --link ./nano              and makes ./nano a link to it
+  tvc monitor --port ./nano                in a second terminal: every command works there
+  tvc test step --port ./nano              arms, releases, prints the figures
+  tvc rig --pty --vehicle drone2 --roll 0.3    two rudders: it pitches and rolls
+  tvc rig --pty --vibration 5,180          with an unbalanced propeller, see --help
+  tvc rig --pty --faults scenarios/faults.toml   with faults of the sensor in every flight
+  tvc rig tell ./nano fault unplugged      something done by hand to the rig with that link
   mavproxy.py --master ./nano                    any MAVLink client does
-  cargo tvc rig --pty --link ./nano --blank --sensor worst   something to calibrate, with
-  cargo tvc calibrate --port ./nano                  in a second terminal
+  tvc rig --pty --link ./nano --blank --sensor worst   something to calibrate, with
+  tvc calibrate --port ./nano                  in a second terminal
 
 The hand at the rig does with sensor and drone what `tvc calibrate` asks for. The clamp opens when the firmware goes to active and closes when it is disarmed. With --link, `tvc rig tell` and the page of `tvc web` can act on the rig while it runs, through the socket LINK.control.
 Exit status: 0 ended, 1 something failed, 2 unusable input.")]

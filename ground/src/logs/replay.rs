@@ -31,11 +31,11 @@ use report::kind;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc replay flight.tlog                 the firmware's library on the log's counts, bit for bit
-  cargo tvc replay flight.tlog --param SFC_GAIN_S=0.4    what other gains would have commanded
-  cargo tvc replay flight.tlog --filter madgwick     another filter's pitch beside the firmware's
-  cargo tvc replay flight.tlog --offline --report both.html    the pitch as it is known afterwards
-  cargo tvc replay flight.tlog --csv both.csv        both runs as a table, side by side
+  tvc replay flight.tlog                 the firmware's library on the log's counts, bit for bit
+  tvc replay flight.tlog --param SFC_GAIN_S=0.4    what other gains would have commanded
+  tvc replay flight.tlog --filter madgwick     another filter's pitch beside the firmware's
+  tvc replay flight.tlog --offline --report both.html    the pitch as it is known afterwards
+  tvc replay flight.tlog --csv both.csv        both runs as a table, side by side
 
 The motion is the log's: it does not answer to what is changed.
 Behind lost frames it compares again from the vehicle's next full state on, which comes once a second.
@@ -62,7 +62,7 @@ pub struct Replay {
     #[arg(long)]
     pub json: bool,
 
-    /// Write both runs as a table, side by side; `tvc convert` writes the log's own steps.
+    /// Write both runs as a table, side by side; `tvc log convert` writes the log's own steps.
     #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
     pub csv: Option<PathBuf>,
 

@@ -32,10 +32,10 @@ use tvc_nano::{Axis, Params};
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc report flight.tlog                 writes flight.html, prints the figures
-  cargo tvc report flight.tlog --out step.html
-  cargo tvc report flight.tlog --json          figures for a script
-  cargo tvc report before.tlog after.tlog --out both.html    releases of several logs over each other
+  tvc report flight.tlog                 writes flight.html, prints the figures
+  tvc report flight.tlog --out step.html
+  tvc report flight.tlog --json          figures for a script
+  tvc report before.tlog after.tlog --out both.html    releases of several logs over each other
 
 A log without a release has no verdict: exit status 1.
 Exit status: 0 every requirement met, 1 one missed or something failed, 2 unusable input.")]

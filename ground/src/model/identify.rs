@@ -39,7 +39,7 @@ Examples:
   tvc identify evening.tlog --release 3          of the third release of a log
   tvc identify both.tlog --axis roll             of the roll axis of a vehicle with two
   tvc identify release.csv --out drone.toml      and as a parameter file
-  tvc tune --params drone.toml                   gains for that drone
+  tvc tune --drone drone.toml                    gains for that drone
 
 Exit status: 0 done, 1 no parameters explain the record, 2 unusable input.")]
 pub struct Identify {
@@ -61,7 +61,7 @@ pub struct Identify {
 
     /// Nominal drone, servo and timing where they differ from the servo's preset (docs/model.md).
     #[arg(long, value_name = "FILE.toml")]
-    pub params: Option<PathBuf>,
+    pub drone: Option<PathBuf>,
 
     /// Where to write the estimates, as a parameter file.
     #[arg(long, value_name = "FILE.toml", value_parser = kind::toml)]
@@ -75,10 +75,10 @@ pub struct Identify {
 /// Identifies as `options` say, prints the estimates and writes them.
 pub fn run(options: &Identify) -> Result<Verdict> {
     if let Some(out) = &options.out {
-        kind::keep_apart(out, options.params.as_deref())?;
+        kind::keep_apart(out, options.drone.as_deref())?;
     }
     let record = read(&options.log, options.release, options.axis.into())?;
-    let nominal = control_law::setup(options.servo, options.params.as_deref())?;
+    let nominal = control_law::setup(options.servo, options.drone.as_deref())?;
     let found = identify(&nominal, &record).map_err(|error| match error {
         IdentifyError::NoFit => anyhow::Error::new(error),
         _ => BadInput::new(format!("{}: {error}", options.log.display())).into(),

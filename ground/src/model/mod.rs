@@ -1,4 +1,4 @@
-//! `tvc model`: the drone's physics, simulated, validated and made linear.
+//! `tvc model`: the drone's physics, simulated and made linear.
 
 mod ascent;
 pub mod control_law;
@@ -6,25 +6,21 @@ pub mod identify;
 mod linear;
 pub mod montecarlo;
 mod options;
-mod rocket;
 mod simulate;
 pub mod tune;
-mod validate;
 mod what_if;
 
 use std::path::Path;
 
 use crate::input;
-pub use options::{Linear, Model, ModelCommand, Simulate, Validate, WhatIf};
+pub use options::{Linear, Model, ModelCommand, Simulate, WhatIf};
 use report::exit::{BadInput, Verdict};
 
 /// Carries out what `options` say.
 pub fn run(options: &Model) -> anyhow::Result<Verdict> {
     match &options.command {
         ModelCommand::Linear(options) => linear::run(options),
-        ModelCommand::Rocket(options) => rocket::run(options),
         ModelCommand::Simulate(options) => simulate::run(options),
-        ModelCommand::Validate(options) => validate::run(options),
         ModelCommand::WhatIf(options) => what_if::run(options),
     }
 }

@@ -24,10 +24,6 @@ pub enum ModelCommand {
     Simulate(Simulate),
     /// Make the model linear: poles, zeros, ranks, and the margins of the whole loop.
     Linear(Linear),
-    /// Repeat the thesis' validations, and the balances that it left out.
-    Validate(Validate),
-    /// Fly the rocket that the drone stands for: pitch and yaw with scheduled gains.
-    Rocket(Rocket),
     /// Fly a log's release again on the model, as it was and with something changed.
     WhatIf(WhatIf),
 }
@@ -56,10 +52,10 @@ pub struct Simulate {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc model linear                              the recommended drone, upright at zero rudder
-  cargo tvc model linear --preset THESIS_TEXT --at 0.2   where 0.2 rad of crank hold the drone
-  cargo tvc model linear --servo digital --gains 1.6,0.35 --json
-  cargo tvc model linear --params identified.toml     a file with [drone], [servo] and [timing]
+  tvc model linear                              the recommended drone, upright at zero rudder
+  tvc model linear --preset THESIS_TEXT --at 0.2   where 0.2 rad of crank hold the drone
+  tvc model linear --servo digital --gains 1.6,0.35 --json
+  tvc model linear --drone identified.toml      a file with [drone], [servo] and [timing]
 
 The state is (theta0, w0, theta1, w1): pitch, its rate, crank, its rate; the input is the servo's
 torque on the crank in N m, the output the pitch. The loop is cut at the crank command; its margins
@@ -67,12 +63,12 @@ count the sensor's delay, the rate's filter, half a control period, the hold of 
 pulse and the servo's lag. Deadband, backlash and the speed limit have no linear part.
 Exit status: 0 done, 1 something failed, 2 unusable input.")]
 pub struct Linear {
-    /// A parameter file with the tables `drone`, `servo` and `timing`, each optional.
+    /// Drone, servo and timing: a file with tables of these names, each optional (docs/model.md).
     #[arg(long, value_name = "FILE.toml")]
-    pub params: Option<PathBuf>,
+    pub drone: Option<PathBuf>,
 
     /// The drone: PHYS, THESIS_TABLE or THESIS_TEXT [default: PHYS].
-    #[arg(long, value_name = "P", conflicts_with = "params", value_parser = preset)]
+    #[arg(long, value_name = "P", conflicts_with = "drone", value_parser = preset)]
     pub preset: Option<String>,
 
     /// Servo and frame, in place of the file's.
@@ -106,54 +102,13 @@ pub struct Linear {
     pub report: PathBuf,
 }
 
-/// Options of `tvc model validate`.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  cargo tvc model validate
-  cargo tvc model validate --json > validation.json
-
-The report has a plot for each of the thesis' figures 5.8 to 5.13, the balances of energy and
-momentum, and says which figures cannot be reproduced and why.
-Exit status: 0 every check holds, 1 one does not, 2 unusable input.")]
-pub struct Validate {
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
-
-    /// Where to write the HTML report.
-    #[arg(long, value_name = "FILE.html", default_value = "report/validate.html", value_parser = kind::page)]
-    pub report: PathBuf,
-}
-
-/// Options of `tvc model rocket`.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  cargo tvc model rocket
-  cargo tvc model rocket --json > rocket.json
-
-The controller is that of the crate tvc-pid, one on each axis, its gains interpolated in a table over
-the time since ignition.
-Exit status: 0 every step of a scheduled controller overshoots 30 % at most and settles within 1.5 s,
-1 one does not, 2 unusable input.")]
-pub struct Rocket {
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
-
-    /// Where to write the HTML report.
-    #[arg(long, value_name = "FILE.html", default_value = "report/rocket.html", value_parser = kind::page)]
-    pub report: PathBuf,
-}
-
 /// Options of `tvc model what-if`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc model what-if step.tlog --param SFC_GAIN_S=0.4  the release with another gain
-  cargo tvc model what-if step.tlog --drone drone.toml      on the drone that `tvc identify` found
-  cargo tvc model what-if evening.tlog --release 3 --param PITCH_SET_DEG=2 --json
+  tvc model what-if step.tlog --param SFC_GAIN_S=0.4  the release with another gain
+  tvc model what-if step.tlog --drone drone.toml      on the drone that `tvc identify` found
+  tvc model what-if evening.tlog --release 3 --param PITCH_SET_DEG=2 --json
 
 The model starts with the pitch that the log has, and leaves the hand when the log's drone does; the
 image's control law, with the log's parameters, flies it. The motion answers to what is changed,
@@ -257,8 +212,8 @@ between points (an angle: smooth); { points = [[...]], between = \"hold\" }, or 
 or a sine { offset = 0, amplitude = 0.1, period_s = 2, phase_rad = 0 }.
 
 Examples:
-  cargo tvc model simulate scenarios/pd_ideal_servo.toml --out pd.csv
-  cargo tvc model simulate scenarios/constraint_sweep.toml --out sweep.csv --dt 0.001
-  cargo tvc model simulate scenarios/gravity_only_pendulum.toml --json
+  tvc model simulate scenarios/pd_ideal_servo.toml --out pd.csv
+  tvc model simulate scenarios/constraint_sweep.toml --out sweep.csv --dt 0.001
+  tvc model simulate scenarios/gravity_only_pendulum.toml --json
 
 Exit status: 0 written, 1 the motion could not be followed to its end, 2 unusable input.";

@@ -18,10 +18,10 @@ use report::file::{print, print_json};
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc arm                            standby to armed: the rudder still rests
-  cargo tvc disarm                         the rudder to neutral, from any state; acknowledges faults
-  cargo tvc reboot                         starts anew, as after power-on; not while it is armed
-  cargo tvc disarm --port /dev/ttyACM1     a given port
+  tvc arm                            standby to armed: the rudder still rests
+  tvc disarm                         the rudder to neutral, from any state; acknowledges faults
+  tvc reboot                         starts anew, as after power-on; not while it is armed
+  tvc disarm --port /dev/ttyACM1     a given port
 
 In a failsafe whose fault is still there, disarm says so: the rudder is at neutral already.
 Exit status: 0 obeyed, 1 refused (with the reason) or failed, 2 unusable input.")]

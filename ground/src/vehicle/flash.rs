@@ -23,11 +23,11 @@ use report::kind;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc flash                          find the Nano, enter its bootloader, write with bossac
-  cargo tvc flash --port /dev/ttyACM0      a given port
-  cargo tvc flash --image tvc-nano.elf     an image that somebody else has built
-  cargo tvc flash --uf2 /media/$USER/NANOBOOT    onto the drive of a UF2 bootloader
-  cargo tvc flash --elf f.elf --bin f.bin --uf2 f.uf2    only write files, for other programmers
+  tvc flash                          find the Nano, enter its bootloader, write with bossac
+  tvc flash --port /dev/ttyACM0      a given port
+  tvc flash --image tvc-nano.elf     an image that somebody else has built
+  tvc flash --uf2 /media/$USER/NANOBOOT    onto the drive of a UF2 bootloader
+  tvc flash --elf f.elf --bin f.bin --uf2 f.uf2    only write files, for other programmers
 
 The image is linked at 0x2000, above the bootloader; never write it to 0x0. Stored parameters are
 kept: bossac 1.9 and newer erase only what they write, and so do UF2 bootloaders. docs/flashing.md

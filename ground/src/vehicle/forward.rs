@@ -32,11 +32,11 @@ use report::kind;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc forward                        QGroundControl and PlotJuggler on this computer find it
-  cargo tvc forward --to 192.168.1.20:14550    shown to a ground station elsewhere, which may ask
-  cargo tvc forward --to 192.168.1.20:14550 --accept-commands-from 192.168.1.20 --signing-key key
-                                           and may command, with that key (docs/tether.md)
-  cargo tvc forward --log flight.tlog      and keep every frame, both ways
+  tvc forward                        QGroundControl and PlotJuggler on this computer find it
+  tvc forward --to 192.168.1.20:14550    shown to a ground station elsewhere, which may ask
+  tvc forward --to 192.168.1.20:14550 --accept-commands-from 192.168.1.20 --signing-key key
+                                     and may command, with that key (docs/tether.md)
+  tvc forward --log flight.tlog      and keep every frame, both ways
 
 What comes back from a ground station on this computer goes to the vehicle; what comes from another one, only if it changes
 nothing, unless --accept-commands-from names it. QGroundControl gets units, ranges and meanings of the parameters from this tool.

@@ -23,9 +23,10 @@ use vehicle::Told;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc info                           port, programs on it, builds, calibration, what to do next
-  cargo tvc info --port ./nano             a given port
-  cargo tvc info --json | jq -r .next      one JSON object
+  tvc info                           port, programs on it, builds, calibration, what to do next
+  tvc info --port ./nano             a given port
+  tvc info --ports                   every serial port, with what is behind it
+  tvc info --json | jq -r .next      one JSON object
 
 It asks the vehicle and changes nothing. `tvc doctor` is the same.
 Exit status: 0 all is well, 1 there is something to do, 2 the vehicle cannot be reached.")]
@@ -33,6 +34,10 @@ pub struct Info {
     /// Where the vehicle is.
     #[command(flatten)]
     pub port: PortOptions,
+
+    /// List the serial ports instead.
+    #[arg(long, conflicts_with = "port")]
+    pub ports: bool,
 
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]
@@ -88,6 +93,9 @@ struct Answer {
 /// # Errors
 /// Standard output cannot be written.
 pub fn run(options: &Info) -> Result<Verdict> {
+    if options.ports {
+        return port::list(options.json);
+    }
     let found = look(&options.port);
     let (standing, next) = next::next(&found);
     let answer = Answer {

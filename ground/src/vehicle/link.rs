@@ -175,7 +175,7 @@ impl Vehicle {
         while link.client.heard().is_none() {
             if link.now() > CONNECT {
                 bail!(
-                    "no heartbeat on {} within {} s: is tvc-nano on the board (tvc flash), and is this its port (tvc ports)?",
+                    "no heartbeat on {} within {} s: is tvc-nano on the board (tvc flash), and is this its port (tvc info --ports)?",
                     link.name(),
                     CONNECT.as_secs()
                 );

@@ -27,9 +27,9 @@ use report::kind;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc monitor                        attitude, servo, state, losses, live; Ctrl-C ends it
-  cargo tvc monitor --json | jq .state     one JSON object a line
-  cargo tvc monitor --seconds 10 --log f.tlog    and keep everything
+  tvc monitor                        attitude, servo, state, losses, live; Ctrl-C ends it
+  tvc monitor --json | jq .state     one JSON object a line
+  tvc monitor --seconds 10 --log f.tlog    and keep everything
 
 Exit status: 0 ended, 1 the vehicle went away or something failed, 2 unusable input.")]
 pub struct Monitor {

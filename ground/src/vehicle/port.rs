@@ -1,4 +1,4 @@
-//! Serial ports: finding and opening one, and `tvc ports`.
+//! Serial ports: finding and opening one, and the list of `tvc info --ports`.
 
 pub mod machine;
 mod nano;
@@ -20,20 +20,6 @@ pub use nano::{Life, Nano, nanos};
 use report::exit::{BadInput, Verdict};
 use report::file::{print, print_json};
 
-/// Options of `tvc ports`.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  cargo tvc ports                          every serial port, with what is behind it
-  cargo tvc ports --json                   for a script
-
-Exit status: 0 done, 1 something failed, 2 unusable input.")]
-pub struct Ports {
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
-}
-
 /// Where the vehicle is.
 #[derive(Debug, Args)]
 pub struct PortOptions {
@@ -46,7 +32,7 @@ pub struct PortOptions {
 /// USB ignores the rate, but 1200 baud asks for the bootloader.
 const BAUD: u32 = 115_200;
 
-/// A port, as `tvc ports` lists it.
+/// A port, as `tvc info --ports` lists it.
 #[derive(Debug, Serialize)]
 struct Listed {
     port: String,
@@ -62,9 +48,9 @@ struct Listed {
 ///
 /// # Errors
 /// The system does not list them.
-pub fn list(options: &Ports) -> Result<Verdict> {
+pub fn list(json: bool) -> Result<Verdict> {
     let ports: Vec<Listed> = one_of_each(&available()?).map(listed).collect();
-    if options.json {
+    if json {
         print_json(&serde_json::json!({ "ports": ports }))?;
         return Ok(Verdict::Met);
     }

@@ -1,4 +1,5 @@
-//! `tvc record`: every frame, both ways, into a telemetry log.
+//! `tvc record`: every frame, both ways, into a telemetry log; with `--last`, the steps around the
+//! last release from the vehicle's own memory.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -14,7 +15,8 @@ use crate::logs::log::{Flight, Writer, write_csv};
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
-use report::exit::Verdict;
+use crate::vehicle::recorder;
+use report::exit::{BadInput, Verdict};
 use report::file::print_json;
 use report::kind;
 
@@ -22,18 +24,26 @@ use report::kind;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc record flight.tlog             until Ctrl-C; opens in MAVProxy, QGroundControl, pymavlink
-  cargo tvc record flight.mcap             opens in Foxglove and PlotJuggler; `tvc convert` makes one of the other
-  cargo tvc record flight.tlog --csv flight.csv --seconds 60
-  cargo tvc report flight.tlog             what came of it
+  tvc record flight.tlog             until Ctrl-C; opens in MAVProxy, QGroundControl, pymavlink
+  tvc record flight.mcap             opens in Foxglove and PlotJuggler; `tvc log convert` makes one of the other
+  tvc record flight.tlog --csv flight.csv --seconds 60
+  tvc record release.csv --last      every step around the last release, out of the vehicle's memory
+  tvc report flight.tlog             what came of it
 
 At its beginning the parameters are asked for and, unless the vehicle is armed, its estimate begins
 anew (hold it still for three seconds), so that `tvc replay` reproduces the flight bit for bit.
-Exit status: 0 ended, 1 the vehicle went away or something failed, 2 unusable input.")]
+
+The vehicle keeps 20 steps before a release and 170 from it on in its own memory, whatever the link
+loses, until it is armed again or loses power. Other ground stations download the same as log 0.
+Exit status: 0 ended, 1 the vehicle went away or something failed, 2 unusable input or nothing to fetch.")]
 pub struct Record {
-    /// The log to write (.tlog, .mcap); it must not be there yet.
-    #[arg(value_name = "FILE", value_parser = kind::new_log)]
+    /// The log to write (.tlog, .mcap; with --last also .csv); a log must not be there yet.
+    #[arg(value_name = "FILE", value_parser = kind::log_or_table)]
     pub log: PathBuf,
+
+    /// Fetch the steps around the last release from the vehicle's own memory instead.
+    #[arg(long, conflicts_with_all = ["csv", "seconds"])]
+    pub last: bool,
 
     /// Where the vehicle is.
     #[command(flatten)]
@@ -57,6 +67,11 @@ pub struct Record {
 /// # Errors
 /// The log cannot be written, there is no vehicle, or it went away.
 pub fn run(options: &Record) -> Result<Verdict> {
+    if options.last {
+        return recorder::fetch(&options.port, &options.log, options.json);
+    }
+    let name = options.log.to_string_lossy();
+    kind::new_log(&name).map_err(|why| BadInput::new(format!("{name}: {why}")))?;
     let stop = signals::on_signal()?;
     let mut vehicle = Vehicle::connect(&options.port)?;
     vehicle.link().log_to(Writer::create(&options.log)?);

@@ -1,9 +1,8 @@
-//! `tvc recorder`: downloads the steps around the last release from the vehicle's own memory.
+//! Downloads the steps around the last release from the vehicle's own memory.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use anyhow::{Result, bail};
-use clap::Args;
 use client::state::state_of;
 use client::{Parameter, StateKind};
 use tvc_nano::recorder::{self, STEP_BYTES};
@@ -14,39 +13,13 @@ use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
 use report::exit::{BadInput, Verdict};
 use report::file::print_json;
-use report::kind;
-
-/// Options of `tvc recorder`.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  cargo tvc recorder release.csv              every step around the last release as a table
-  cargo tvc recorder release.tlog             as a log, for `tvc report`, MAVProxy, QGroundControl
-  cargo tvc recorder release.mcap             for Foxglove and PlotJuggler
-
-The vehicle keeps 20 steps before a release and 170 from it on in its own memory, whatever the link
-loses, until it is armed again or loses power. Other ground stations download the same as log 0.
-Exit status: 0 written, 1 something failed, 2 unusable input or nothing to fetch.")]
-pub struct Recorder {
-    /// The file to write (.csv, .tlog, .mcap); a log must not be there yet.
-    #[arg(value_name = "FILE", value_parser = kind::log_or_table)]
-    pub file: PathBuf,
-
-    /// Where the vehicle is.
-    #[command(flatten)]
-    pub port: PortOptions,
-
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
-}
 
 /// Downloads the recording and writes it.
 ///
 /// # Errors
 /// No vehicle, no release in its memory, or a file that cannot be written.
-pub fn run(options: &Recorder) -> Result<Verdict> {
-    let mut vehicle = Vehicle::connect(&options.port)?;
+pub fn fetch(port: &PortOptions, file: &Path, json: bool) -> Result<Verdict> {
+    let mut vehicle = Vehicle::connect(port)?;
     let bytes = vehicle.recording()?;
     if bytes.is_empty() {
         return Err(BadInput::new(
@@ -55,7 +28,7 @@ pub fn run(options: &Recorder) -> Result<Verdict> {
         .into());
     }
     let flight = flight(&bytes, vehicle.parameters()?)?;
-    write_flight(&flight, &options.file)?;
+    write_flight(&flight, file)?;
     let (steps, missed) = (flight.steps().count(), flight.missed());
     let before = flight
         .events
@@ -63,14 +36,14 @@ pub fn run(options: &Recorder) -> Result<Verdict> {
         .take_while(|event| !matches!(event, Event::State(code) if state_of(*code) == Some(StateKind::Active)))
         .filter(|event| matches!(event, Event::Step(_)))
         .count();
-    if options.json {
+    if json {
         print_json(
             &serde_json::json!({ "steps": steps, "before_release": before, "missed": missed }),
         )?;
     }
     eprintln!(
         "wrote {}: {steps} control steps, {before} of them before the release, {missed} without a sample",
-        options.file.display()
+        file.display()
     );
     Ok(Verdict::Met)
 }
@@ -102,7 +75,7 @@ pub fn flight(bytes: &[u8], parameters: Vec<Parameter>) -> Result<Flight> {
         let time_us = whole_us(low_us, now_us.unwrap_or(step.now.0));
         now_us = Some(time_us);
         let aged = |sample: RawSample| RawSample {
-            // One that is older than the clock is none that a vehicle could have taken.
+            // A sample cannot be older than the clock: its time is cut off at zero.
             time: Micros(time_us.saturating_sub(low_us.wrapping_sub(sample.time.0 as u32).into())),
             ..sample
         };

@@ -20,8 +20,8 @@ use report::file::{print, print_json};
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc arm && cargo tvc release       asks, lets go, keeps control until Ctrl-C, disarms
-  cargo tvc release --yes --seconds 5      without a question, for five seconds
+  tvc arm && tvc release       asks, lets go, keeps control until Ctrl-C, disarms
+  tvc release --yes --seconds 5      without a question, for five seconds
 
 The vehicle must be armed. However the command ends (Ctrl-C, SIGTERM, SIGHUP, an error), the vehicle
 is disarmed. Meanwhile FS_HOST is 1: if the tool is killed or the port goes away, the vehicle goes to

@@ -27,11 +27,11 @@ use report::measure::figure;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc test step                      arm, release, three seconds, disarm: the step response
-  cargo tvc test step --log step.tlog --report step.html
-  cargo tvc test hold --seconds 30         how well it stays upright
-  cargo tvc test chirp                     swings the set point faster and faster: bandwidth, delay
-  cargo tvc test chirp --axis roll         the same of roll, of a vehicle with two axes
+  tvc test step                      arm, release, three seconds, disarm: the step response
+  tvc test step --log step.tlog --report step.html
+  tvc test hold --seconds 30         how well it stays upright
+  tvc test chirp                     swings the set point faster and faster: bandwidth, delay
+  tvc test chirp --axis roll         the same of roll, of a vehicle with two axes
 
 Hold the drone still at its start for the first seconds. However the test ends (Ctrl-C, SIGTERM,
 SIGHUP, an error), the vehicle is disarmed. Meanwhile FS_HOST is 1: if the tool is killed or the port

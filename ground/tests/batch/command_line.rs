@@ -42,7 +42,7 @@ fn a_truncated_or_foreign_recording_is_refused_and_writes_no_report() {
         assert_refused(
             &[
                 "fly",
-                "--replay",
+                "--recording",
                 path,
                 "--report",
                 report.to_str().unwrap(),

@@ -15,23 +15,20 @@ const ALONE: &[(&str, &str)] = &[
     ),
     ("fly-drone2", "fly --vehicle drone2 --start 0.2"),
     ("fly-rocket", "fly --vehicle rocket"),
-    ("fly-replay", "fly --replay walk.imuq"),
+    ("fly-recording", "fly --recording walk.imuq"),
     ("bringup", "bringup --rig --no-hands"),
     ("model-simulate", "model simulate pendulum.toml"),
     ("model-linear", "model linear"),
-    ("model-validate", "model validate"),
-    ("model-rocket", "model rocket"),
     ("tune", "tune --generations 0"),
     ("tune-rocket", "tune --vehicle rocket --generations 0"),
-    ("montecarlo-rocket", "montecarlo --vehicle rocket -n 20"),
     (
         "montecarlo",
         "montecarlo -n 6 --lateral-mm 5 --out runs.csv",
     ),
     ("montecarlo-merge", "montecarlo merge runs.csv"),
     (
-        "montecarlo-replay",
-        "montecarlo replay report/montecarlo/worst-1.toml",
+        "montecarlo-rerun",
+        "montecarlo rerun report/montecarlo/worst-1.toml",
     ),
     ("fuse", "fuse walk.imuq"),
     ("fuse-6d", "fuse walk.imuq --mode 6d"),
@@ -55,7 +52,7 @@ const AT_A_VEHICLE: &[(&str, &str)] = &[
     ("disarm", "disarm"),
     // Together they have a release, a hold and a sweep.
     ("test", "test step --seconds 1 --log step.tlog"),
-    ("recorder", "recorder release.csv"),
+    ("record-last", "record release.csv --last"),
     ("record", "record record.tlog --seconds 1 --csv record.csv"),
     // Long enough that on a slow machine, too, the vehicle's own clock sees two seconds.
     ("test", "test hold --seconds 12 --log hold.tlog"),
@@ -78,8 +75,8 @@ const ON_ITS_LOGS: &[(&str, &str)] = &[
         "replay-changed",
         "replay step.tlog --param SFC_GAIN_S=0.1 --filter madgwick --offline",
     ),
-    ("convert", "convert step.tlog step.csv"),
-    ("convert", "convert step.tlog step.mcap"),
+    ("log-convert", "log convert step.tlog step.csv"),
+    ("log-convert", "log convert step.tlog step.mcap"),
     ("identify", "identify step.csv"),
     ("identify", "identify step.tlog --out drone.toml"),
     (
@@ -90,7 +87,7 @@ const ON_ITS_LOGS: &[(&str, &str)] = &[
 
 /// What is compared by a test of its own, mostly one that runs it for other reasons.
 const ELSEWHERE: &[(&str, &str)] = &[
-    ("ports", "ports"),
+    ("info-ports", "info --ports"),
     ("calibrate", "calibrate"),
     ("calibrate-from", "calibrate --from"),
     ("calibrate-servo", "calibrate servo"),
@@ -160,9 +157,9 @@ fn what_is_run_at_a_vehicle_and_on_its_logs_keeps_its_keys() {
 /// A machine without a serial port has nothing to show but the key of the list itself.
 #[test]
 fn ports_have_their_keys() {
-    let object = running::json(&running::tvc(&["ports", "--json"]));
+    let object = running::json(&running::tvc(&["info", "--ports", "--json"]));
     match object["ports"].as_array().map(Vec::len) {
         Some(0) => assert_eq!(object, serde_json::json!({ "ports": [] })),
-        _ => keys::assert_keys("ports", &object),
+        _ => keys::assert_keys("info-ports", &object),
     }
 }

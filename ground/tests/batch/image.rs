@@ -105,7 +105,6 @@ fn a_file_that_is_no_image_is_refused_before_everything_else() {
     let path = path.to_str().unwrap();
     for command in [
         &["fly"][..],
-        &["faults"],
         &["flash", "--bin", "x.bin"],
         &["rig", "--pty"],
     ] {
@@ -123,7 +122,7 @@ fn the_examples_of_a_flight_in_the_help_meet_every_requirement() {
     let help = String::from_utf8(tvc_in(folder.path(), &["fly", "--help"]).stdout).unwrap();
     let examples: Vec<&str> = help
         .lines()
-        .filter_map(|line| line.strip_prefix("  cargo "))
+        .filter_map(|line| line.strip_prefix("  tvc "))
         .filter_map(|line| line.split("  ").next())
         .filter(|line| line.contains("--gains") || line.contains("--vibration"))
         .collect();

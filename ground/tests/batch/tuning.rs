@@ -23,10 +23,10 @@ fn unusable_input_is_refused_in_one_line() {
     assert_refused(&["montecarlo", "-n", "0"], "0");
     assert_refused(&["montecarlo", "--shard", "5/4"], "I/N");
     assert_refused(&["montecarlo", "--lateral-mm", "-5"], "0 to 40 mm");
-    assert_refused(&["montecarlo", "--gains", "none.param"], "none.param");
+    assert_refused(&["montecarlo", "--params", "none.param"], "none.param");
     assert_refused(&["montecarlo", "merge", "none.csv"], "none.csv");
-    assert_refused(&["montecarlo", "replay", "none.toml"], "none.toml");
-    assert_refused(&["tune", "--params", "none.toml"], "none.toml");
+    assert_refused(&["montecarlo", "rerun", "none.toml"], "none.toml");
+    assert_refused(&["tune", "--drone", "none.toml"], "none.toml");
     assert_refused(&["tune", "--overshoot", "0"], "above zero");
     assert_refused(&["identify", "none.csv"], "none.csv");
 }
@@ -139,7 +139,7 @@ fn gains_go_from_a_parameter_file_to_a_file_that_campaigns_take() {
     assert_eq!(output.status.success(), report["met"].as_bool().unwrap());
     json(
         here,
-        &["montecarlo", "-n", "3", "--gains", "g.param", "--json"],
+        &["montecarlo", "-n", "3", "--params", "g.param", "--json"],
     );
 }
 

@@ -219,7 +219,7 @@ fn tvc(arguments: &[&str]) -> (Option<i32>, String) {
 fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
     let rig = Rig::start(&["--tilt", "0.3"]);
     rig.wait_for("standby");
-    let said = rig.refused(2, &["recorder", &rig.path("early.csv")]);
+    let said = rig.refused(2, &["record", "--last", &rig.path("early.csv")]);
     assert!(said.contains("no release"), "{said}");
     let (log, page) = (rig.path("step.tlog"), rig.path("step.html"));
     let output = rig.tvc(&[
@@ -269,7 +269,7 @@ fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
 
     // In the form for Foxglove and PlotJuggler it is the same log.
     let other_form = rig.path("step.mcap");
-    assert_eq!(tvc(&["convert", &log, &other_form]).0, Some(0));
+    assert_eq!(tvc(&["log", "convert", &log, &other_form]).0, Some(0));
     let (status, text) = tvc(&["replay", &other_form, "--json"]);
     assert_eq!(status, Some(0), "{text}");
     assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), replay);
@@ -315,15 +315,15 @@ fn recorded_as_streamed(rig: &Rig, log: &str) {
         ["burst.csv", "streamed.csv", "burst.tlog"].map(|name| rig.path(name));
     // A machine that is busy runs the rig slowly: the second that is recorded may not be over.
     let begun = Instant::now();
-    while !rig.tvc(&["recorder", &kept]).status.success() {
+    while !rig.tvc(&["record", "--last", &kept]).status.success() {
         assert!(begun.elapsed() < PATIENCE);
     }
-    let told = rig.json(&["recorder", &kept]);
+    let told = rig.json(&["record", "--last", &kept]);
     // A release in the same breath as the arming has nothing before it.
     let steps = told["steps"].as_u64().unwrap();
     assert!((170..=200).contains(&steps), "{told}");
     assert_eq!(told["before_release"], steps - 170);
-    assert_eq!(tvc(&["convert", log, &streamed]).0, Some(0));
+    assert_eq!(tvc(&["log", "convert", log, &streamed]).0, Some(0));
     let rows = |path: &str| -> Vec<Vec<String>> {
         let text = std::fs::read_to_string(path).unwrap();
         let rows = text.lines().skip(1);
@@ -343,7 +343,7 @@ fn recorded_as_streamed(rig: &Rig, log: &str) {
             assert!((kept - told).abs() < 2e-4, "{kept} {told}");
         }
     }
-    rig.ok(&["recorder", &again]);
+    rig.ok(&["record", "--last", &again]);
     let (_, text) = tvc(&["report", &again, "--json"]);
     let figures: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(figures["runs"].as_array().unwrap().len(), 1, "{text}");
@@ -439,7 +439,7 @@ fn a_port_without_a_vehicle_is_said_to_be_one() {
     let said = running::said(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(
-        said.contains("no heartbeat on") && said.contains("tvc ports"),
+        said.contains("no heartbeat on") && said.contains("tvc info --ports"),
         "{said}"
     );
 }

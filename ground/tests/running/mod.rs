@@ -55,13 +55,16 @@ pub(crate) fn assert_refused(arguments: &[&str], part: &str) {
 /// Every command below `parents`, by what their help lists, and its own help.
 pub(crate) fn commands_below(parents: &[String]) -> Vec<(Vec<String>, String)> {
     let help = help_of(parents);
-    let listed = help
+    // The help of `tvc` itself has its commands in groups; that of others under one head.
+    let commands = match help.split_once("Commands:\n") {
+        Some((_, below)) => below.split("\n\n").next().unwrap_or_default(),
+        None if parents.is_empty() => help.as_str(),
+        None => "",
+    };
+    let listed = commands
         .lines()
-        .skip_while(|line| *line != "Commands:")
-        .skip(1)
-        .take_while(|line| !line.is_empty())
         // A description that goes on in the next line stands further in.
-        .filter(|line| !line.starts_with("   "))
+        .filter(|line| line.starts_with("  ") && !line.starts_with("   "))
         .filter_map(|line| line.split_whitespace().next())
         .filter(|name| *name != "help");
     listed

@@ -11,12 +11,12 @@ use report::kind;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc fuse walk.imuq --out walk.est.csv         the best filter, with magnetometer
-  cargo tvc fuse walk.imuq --filter mahony --score    how far it is from the reference
-  cargo tvc fuse *.imuq --scalar fixed --score --json scores of each and their mean, for a script
-  cargo tvc fuse *.imuq --mode 6d --out estimates     one CSV for each recording, in a folder
-  cargo tvc fuse log.csv --offline --out est.csv      as near to the truth as it can be had later
-  cargo tvc fuse log.csv --filter madgwick --set preset=thesis --set rest.rate_rad_s=0 --out e.csv
+  tvc fuse walk.imuq --out walk.est.csv         the best filter, with magnetometer
+  tvc fuse walk.imuq --filter mahony --score    how far it is from the reference
+  tvc fuse *.imuq --scalar fixed --score --json scores of each and their mean, for a script
+  tvc fuse *.imuq --mode 6d --out estimates     one CSV for each recording, in a folder
+  tvc fuse log.csv --offline --out est.csv      as near to the truth as it can be had later
+  tvc fuse log.csv --filter madgwick --set preset=thesis --set rest.rate_rad_s=0 --out e.csv
 
 Recordings
   IMUQ16v1   gyroscope, accelerometer, magnetometer, reference and flags in 16-bit counts.
@@ -28,7 +28,7 @@ Recordings
                mx_ut my_ut mz_ut            magnetic field, optional; or mx_gauss and so on
                ref_w ref_x ref_y ref_z      reference, sensor to east-north-up, optional
                movement                     1 where errors count, optional (without it: everywhere)
-             or the counts of a BNO055, time in sample_time_us or time_us, as `tvc convert` writes
+             or the counts of a BNO055, time in sample_time_us or time_us, as `tvc log convert` writes
              them: gyr_x acc_x mag_x and so on
              An empty field or reference is a sample without it.
 

@@ -29,7 +29,11 @@ pub use options::{Fly, start_angle};
 /// Flies as `options` say, prints the figures and writes the report.
 pub fn run(options: &Fly) -> Result<Verdict> {
     // An unreadable recording is reported before minutes of building.
-    let recording = options.replay.as_deref().map(recording::open).transpose()?;
+    let recording = options
+        .recording
+        .as_deref()
+        .map(recording::open)
+        .transpose()?;
     let scenario = options.faults.as_deref();
     let scenario = scenario
         .map(|path| faults::read(path, options.seed, flights::FLIGHT_S))

@@ -17,92 +17,81 @@ use tvc_nano::params::FilterKind;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo fly                                fly from 0.2, 0.4 and 0.8 rad, write report/fly.html
-  cargo fly --servo digital --start 0.4    one start, a fast servo at a 300 Hz frame
-  cargo fly --gains 0.9,0.25 --seed 7      other gains, other noise and frame phase
-  cargo fly --params tuned.param           what `tvc tune` found
-  cargo fly --seeds 48                     48 seeds: mean, 95 % and worst
-  cargo fly --filter madgwick              another attitude filter
-  cargo fly --vehicle drone2 --seeds 12    two rudders: pitch and roll, with and without spin
-  cargo fly --vehicle drone2 --dispersed 500   vehicles that are not as their parameters say
-  cargo fly --vehicle rocket --seeds 12    a rocket through its burn: schedule, constant gains, cascade
-  cargo fly --drone heavy.toml             another drone, another servo
-  cargo fly --json > flight.json           figures for a script, nothing else on standard output
-  cargo fly --vibration 5,180 --servo-supply 5.5 --thrust-ramp 80,0.5
-                                           an unbalanced propeller, a weak battery, a slow motor
-  cargo fly --faults scenarios/faults.toml     faults of the sensor at times of the flight
-  cargo fly --replay walk.imuq             feed a real recording to the emulated BNO055
+  tvc fly                                fly from 0.2, 0.4 and 0.8 rad, write report/fly.html
+  tvc fly --servo digital --start 0.4    one start, a fast servo at a 300 Hz frame
+  tvc fly --gains 0.9,0.25 --seed 7      other gains, other noise and frame phase
+  tvc fly --params tuned.param           what `tvc tune` found
+  tvc fly --seeds 48                     48 seeds: mean, 95 % and worst
+  tvc fly --filter madgwick              another attitude filter
+  tvc fly --vehicle drone2 --seeds 12    two rudders: pitch and roll, with and without spin
+  tvc fly --vehicle drone2 --dispersed 500   vehicles that are not as their parameters say
+  tvc fly --vehicle rocket --seeds 12    a rocket through its burn: schedule, constant gains, cascade
+  tvc fly --drone heavy.toml             another drone, another servo
+  tvc fly --json > flight.json           figures for a script, nothing else on standard output
+  tvc fly --vibration 5,180 --servo-supply 5.5 --thrust-ramp 80,0.5
+                                         an unbalanced propeller, a weak battery, a slow motor
+  tvc fly --faults scenarios/faults.toml     faults of the sensor at times of the flight
+  tvc fly --recording walk.imuq          feed a real recording to the emulated BNO055
 
 Exit status: 0 every requirement met, 1 one missed or something failed, 2 unusable input.")]
 pub struct Fly {
-    /// The servo on the rig.
-    #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
+    /// Servo: s3003 (analog, 50 Hz frame) or digital (300 Hz).
+    #[arg(long, value_enum, default_value_t = ServoKind::S3003, hide_possible_values = true)]
     pub servo: ServoKind,
 
-    /// What hangs on the rig.
-    #[arg(long, value_enum, default_value_t, conflicts_with = "replay")]
+    /// Vehicle: drone (one rudder), drone2 (two) or rocket.
+    #[arg(
+        long,
+        value_enum,
+        default_value_t,
+        conflicts_with = "recording",
+        hide_possible_values = true
+    )]
     pub vehicle: VehicleKind,
 
-    /// Seed of all that is random: sensor noise and bias, clock phases.
+    /// Seed of sensor noise and bias, and of clock phases.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 
-    /// Fly with so many seeds, from --seed on, to either side in turn, and show how settling and
-    /// overshoot are distributed.
-    #[arg(long, value_name = "N", conflicts_with = "replay")]
+    /// Fly N seeds from --seed on, to either side in turn; shows distributions.
+    #[arg(long, value_name = "N", conflicts_with = "recording")]
     pub seeds: Option<NonZeroU32>,
 
-    /// Fly so many vehicles instead, one flight each, whose mass, thrust, inertia and servo differ
-    /// from what their parameters say, as those of `tvc montecarlo`; at least 99 % must meet the
-    /// thesis' requirement.
-    #[arg(long, value_name = "N", conflicts_with_all = ["replay", "seeds"])]
+    /// Fly N vehicles that differ from their parameters; 99 % must pass.
+    #[arg(long, value_name = "N", conflicts_with_all = ["recording", "seeds"])]
     pub dispersed: Option<NonZeroU32>,
 
-    /// Start from this tilt only, in rad (0 to 0.87, the 50 degrees that arming allows).
+    /// Start from this tilt only, rad (up to 0.87).
     #[arg(long, value_name = "RAD", allow_negative_numbers = true, value_parser = start_angle)]
     pub start: Option<f64>,
 
-    /// Gains in rad of servo per rad of pitch and per rad/s of pitch rate [default: the servo's].
+    /// PID gains, rad of servo per rad and per rad/s [default: the servo's].
     #[arg(long, value_name = "KP,KD", allow_negative_numbers = true, value_parser = gains)]
     pub gains: Option<Gains>,
 
-    /// Firmware parameters, a name and a value a line, as `tvc tune` and `tvc param dump` write
-    /// them.
+    /// Firmware parameters, as `tvc tune` and `tvc param dump` write them.
     #[arg(long, value_name = "FILE.param", conflicts_with = "gains")]
     pub params: Option<PathBuf>,
 
-    /// The attitude filter on the image: vqf, mahony, madgwick, complementary [default: vqf].
+    /// Attitude filter: vqf, mahony, madgwick or complementary [default: vqf].
     #[arg(long, value_name = "NAME", conflicts_with = "params", value_parser = filter)]
     pub filter: Option<FilterKind>,
 
-    /// Drone and servo where they differ from the servo's preset (docs/model.md), as `tvc identify`
-    /// writes them.
+    /// Drone and servo, as `tvc identify` writes them (docs/model.md).
     #[arg(long, value_name = "FILE.toml")]
     pub drone: Option<PathBuf>,
 
-    /// Play a recording (IMUQ16v1) through the emulated BNO055 instead of flying, and score the
-    /// attitude that arrives over USB against the recording's optical truth.
+    /// Play a recording through the emulated BNO055 and score the attitude.
     #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "params", "drone", "Disturb"])]
-    pub replay: Option<PathBuf>,
+    pub recording: Option<PathBuf>,
 
-    /// A scenario: faults of sensor and cable by time, `[[fault]]` with `kind` (as in `tvc
-    /// faults`), `at_s` after the release, `for_s`, and how hard it strikes (docs/faults.md; from
-    /// the seed if left out); `[vibration]`, `[servo_supply]`, `[thrust_ramp]` and `[temperature]`
-    /// as the options of their names, which come first.
-    #[arg(long, value_name = "FILE.toml", conflicts_with = "replay")]
+    /// Faults and disturbances by time (docs/faults.md).
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "recording")]
     pub faults: Option<PathBuf>,
 
     /// Which image.
     #[command(flatten)]
     pub image: ImageOption,
-
-    /// What disturbs the flight.
-    #[command(flatten)]
-    pub disturb: Disturb,
-
-    /// What the emulated parts are like.
-    #[command(flatten)]
-    pub hardware: HardwareChoice,
 
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]
@@ -111,6 +100,14 @@ pub struct Fly {
     /// Where to write the HTML report.
     #[arg(long, value_name = "FILE.html", default_value = "report/fly.html", value_parser = kind::page)]
     pub report: PathBuf,
+
+    /// What disturbs the flight.
+    #[command(flatten)]
+    pub disturb: Disturb,
+
+    /// What the emulated parts are like.
+    #[command(flatten)]
+    pub hardware: HardwareChoice,
 }
 
 /// Largest tilt that the firmware arms at: 50 degrees, in rad, rounded down.

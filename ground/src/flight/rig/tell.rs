@@ -34,10 +34,10 @@ fn help() -> String {
     format!(
         "Actions:\n{actions}\n\
 Examples:
-  cargo tvc rig tell ./nano fault unplugged            before boot: then power-cycle
-  cargo tvc rig tell ./nano fault spikes probability=0.05 for_s=0.5
-  cargo tvc rig tell ./nano clear all
-  cargo tvc rig tell ./nano state                      how the rig is, as one JSON object
+  tvc rig tell ./nano fault unplugged            before boot: then power-cycle
+  tvc rig tell ./nano fault spikes probability=0.05 for_s=0.5
+  tvc rig tell ./nano clear all
+  tvc rig tell ./nano state                      how the rig is, as one JSON object
 
 Prints how the rig is then. docs/troubleshooting.md has the actions that lead to what it describes.
 Exit status: 0 done, 1 no rig answers, 2 no such action."

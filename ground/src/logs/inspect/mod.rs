@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 
+use crate::logs::convert;
 use report::exit::Verdict;
 use report::kind;
 
@@ -16,10 +17,11 @@ use report::kind;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc log info flight.tlog                        date, builds, length, messages, gaps, releases
-  cargo tvc log cut flight.tlog first.tlog --release 1  two seconds before the first release to two after it
-  cargo tvc log cut flight.tlog part.mcap --from 10 --to 25
-  cargo tvc log recover broken.mcap whole.tlog          what can still be read
+  tvc log info flight.tlog                        date, builds, length, messages, gaps, releases
+  tvc log cut flight.tlog first.tlog --release 1  two seconds before the first release to two after it
+  tvc log cut flight.tlog part.mcap --from 10 --to 25
+  tvc log recover broken.mcap whole.tlog          what can still be read
+  tvc log convert flight.tlog flight.mcap         the same for Foxglove and PlotJuggler
 
 Times are seconds since the log's first message. A log that is there already is not written over.
 Exit status: 0 done, 1 something failed, 2 unusable input.")]
@@ -39,8 +41,8 @@ pub enum Action {
     /// Say what a log holds.
     #[command(after_help = "\
 Examples:
-  cargo tvc log info flight.tlog
-  cargo tvc log info flight.mcap --json | jq .releases
+  tvc log info flight.tlog
+  tvc log info flight.mcap --json | jq .releases
 
 Exit status: 0 done, 1 something failed, 2 unusable input.")]
     Info {
@@ -52,16 +54,16 @@ Exit status: 0 done, 1 something failed, 2 unusable input.")]
     /// state.
     #[command(after_help = "\
 Examples:
-  cargo tvc log cut flight.tlog first.tlog --release 1
-  cargo tvc log cut flight.tlog part.mcap --from 10 --to 25    seconds since the log's first message
+  tvc log cut flight.tlog first.tlog --release 1
+  tvc log cut flight.tlog part.mcap --from 10 --to 25    seconds since the log's first message
 
 Exit status: 0 written, 1 something failed, 2 unusable input.")]
     Cut(Cut),
     /// Write what can be read of a broken log as a new one.
     #[command(after_help = "\
 Examples:
-  cargo tvc log recover broken.mcap whole.mcap
-  cargo tvc log recover broken.tlog whole.tlog
+  tvc log recover broken.mcap whole.mcap
+  tvc log recover broken.tlog whole.tlog
 
 Every frame whose checksum is right is kept, wherever it stands. A time that cannot be right becomes
 that of the frame before.
@@ -72,6 +74,23 @@ Exit status: 0 something was recovered, 1 something failed, 2 unusable input.")]
         log: PathBuf,
         /// The log to write (.tlog, .mcap); it must not be there yet.
         #[arg(value_name = "FILE", value_parser = kind::new_log)]
+        file: PathBuf,
+    },
+    /// Write a log in another form: for Foxglove, for QGroundControl, as a table.
+    #[command(after_help = "\
+Examples:
+  tvc log convert flight.tlog flight.mcap    for Foxglove and PlotJuggler
+  tvc log convert flight.mcap flight.tlog    for MAVProxy, QGroundControl, pymavlink
+  tvc log convert flight.tlog flight.csv     the control steps as a table
+
+A .tlog and an .mcap hold the same frames; a table cannot be made a log again.
+Exit status: 0 written, 1 something failed, 2 unusable input.")]
+    Convert {
+        /// A telemetry log (.tlog, .mcap).
+        #[arg(value_name = "LOG")]
+        log: PathBuf,
+        /// The file to write (.tlog, .mcap, .csv); a log must not be there yet.
+        #[arg(value_name = "FILE", value_parser = kind::log_or_table)]
         file: PathBuf,
     },
 }
@@ -114,6 +133,7 @@ pub fn run(options: &LogCommand) -> Result<Verdict> {
         Action::Info { log } => info::run(log, options.json),
         Action::Cut(cut) => cut::run(cut, options.json),
         Action::Recover { log, file } => recover::run(log, file, options.json),
+        Action::Convert { log, file } => convert::run(log, file, options.json),
     }
 }
 

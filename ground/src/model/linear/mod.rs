@@ -74,7 +74,7 @@ fn analyse(options: &Linear) -> Result<Analysis, BadInput> {
 }
 
 fn setup(options: &Linear) -> Result<Setup, BadInput> {
-    let mut setup = match &options.params {
+    let mut setup = match &options.drone {
         None => Setup::default(),
         Some(path) => Setup::parse(&read(path)?)
             .map_err(|error| BadInput::new(format!("{}: {error}", path.display())))?,

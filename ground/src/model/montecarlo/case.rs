@@ -16,7 +16,7 @@ use tvc_nano::params::TABLE;
 use super::table::Row;
 use crate::input;
 use crate::model::control_law::Law;
-use crate::model::montecarlo::ReplayRun;
+use crate::model::montecarlo::Rerun;
 use report::exit::{BadInput, Verdict};
 use report::file::write_whole;
 use report::measure::{Figures, figure};
@@ -71,7 +71,7 @@ impl Case {
             .map_or("never settled".into(), |s| format!("settled in {s:.3} s"));
         let text = format!(
             "# Run {} of seed {}: overshoot {:.2} %, {settled}.\n\
-             # Fly it again: tvc montecarlo replay FILE\n\n{}",
+             # Fly it again: tvc montecarlo rerun FILE\n\n{}",
             row.run,
             row.seed,
             row.overshoot_pct,
@@ -138,7 +138,7 @@ impl Case {
 }
 
 /// Flies a run again.
-pub fn replay(options: &ReplayRun) -> Result<Verdict> {
+pub fn rerun(options: &Rerun) -> Result<Verdict> {
     let named = |error: &dyn std::fmt::Display| {
         BadInput::new(format!("{}: {error}", options.file.display()))
     };

@@ -3,7 +3,6 @@
 mod case;
 mod options;
 pub mod report;
-mod rocket;
 pub mod summary;
 pub mod table;
 
@@ -20,7 +19,7 @@ use ::report::exit::Verdict;
 use ::report::file::write_table;
 use ::report::kind::{self, Kind};
 pub use case::Case;
-pub use options::{Merge, MonteCarlo, MonteCarloCommand, MonteCarloVehicle, ReplayRun};
+pub use options::{Merge, MonteCarlo, MonteCarloCommand, Rerun};
 use summary::Worst;
 use table::Row;
 
@@ -32,20 +31,17 @@ pub fn run(options: &MonteCarlo) -> Result<Verdict> {
     match &options.command {
         None => {
             let report = report_of(options.report.as_deref())?;
-            match options.vehicle {
-                MonteCarloVehicle::Drone => fly(options, &report),
-                MonteCarloVehicle::Rocket => rocket::run(options, &report),
-            }
+            fly(options, &report)
         }
         Some(MonteCarloCommand::Merge(options)) => merge(options),
-        Some(MonteCarloCommand::Replay(options)) => case::replay(options),
+        Some(MonteCarloCommand::Rerun(options)) => case::rerun(options),
     }
 }
 
 fn fly(options: &MonteCarlo, report: &Path) -> Result<Verdict> {
     kind::try_folder(&options.worst)?;
-    let setup = control_law::setup(options.servo, options.params.as_deref())?;
-    let params = control_law::parameters(options.servo, options.gains.as_deref())?;
+    let setup = control_law::setup(options.servo, options.drone.as_deref())?;
+    let params = control_law::parameters(options.servo, options.params.as_deref())?;
     let mut ranges = Ranges::WIDE.with_lateral_m(1e-3 * options.lateral_mm);
     for spread in &options.spread {
         spread.apply(&mut ranges);

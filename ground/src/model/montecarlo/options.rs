@@ -32,18 +32,15 @@ Every run draws its own drone, from the seed and its number alone:
 
 A run passes with 30 % overshoot or less, and 5 % settling within 1.5 s. Bounds are Wilson's, 95 %.
 
-Rockets differ as those of `cargo fly --vehicle rocket --dispersed` (docs/rocket.md), and pass with an
-error of at most 2 deg rms. Drones with two rudders are flown by the image alone: `cargo fly --vehicle
-drone2 --dispersed N`.
+Drones with two rudders and rockets are flown by the image: `tvc fly --vehicle rocket --dispersed N`.
 
 Examples:
   tvc montecarlo -n 500                         the shipped gains, all cores
-  tvc montecarlo --vehicle rocket -n 2000       rockets through their burn, with scheduled gains
   tvc montecarlo -n 500 --lateral-mm 5 --json   figures for a script
   tvc montecarlo -n 2000 --spread servo_speed=0.25,delay_ms=5
   tvc montecarlo -n 100000 --shard 3/16 --out part3.csv
   tvc montecarlo merge part*.csv --out all.csv  one table of many shards
-  tvc montecarlo replay report/montecarlo/worst-1.toml --out path.csv
+  tvc montecarlo rerun report/montecarlo/worst-1.toml --out path.csv
 
 Exit status: 0 done (and --require met), 1 failed or --require missed, 2 unusable input."
 )]
@@ -51,10 +48,6 @@ pub struct MonteCarlo {
     /// Another use than flying a campaign.
     #[command(subcommand)]
     pub command: Option<MonteCarloCommand>,
-
-    /// What flies.
-    #[arg(long, value_enum, default_value_t, conflicts_with_all = ["lateral_mm", "spread", "servo", "params", "gains", "shard", "out", "worst"])]
-    pub vehicle: MonteCarloVehicle,
 
     /// Runs of the whole campaign.
     #[arg(short = 'n', long = "runs", value_name = "N", default_value_t = 500,
@@ -85,11 +78,11 @@ pub struct MonteCarlo {
 
     /// Nominal drone, servo and timing where they differ from the servo's preset (docs/model.md).
     #[arg(long, value_name = "FILE.toml")]
-    pub params: Option<PathBuf>,
+    pub drone: Option<PathBuf>,
 
-    /// Gains in place of the shipped ones: a parameter file, such as `tvc tune --out` writes.
+    /// Firmware parameters in place of the shipped ones, as `tvc tune` and `tvc param dump` write them.
     #[arg(long, value_name = "FILE.param")]
-    pub gains: Option<PathBuf>,
+    pub params: Option<PathBuf>,
 
     /// Fly only part I of N of the campaign, counted from 1.
     #[arg(long, value_name = "I/N", value_parser = shard)]
@@ -99,7 +92,7 @@ pub struct MonteCarlo {
     #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
     pub out: Option<PathBuf>,
 
-    /// Folder for the worst runs, as files that `replay` takes.
+    /// Folder for the worst runs, as files that `rerun` takes.
     #[arg(long, value_name = "FOLDER", default_value = "report/montecarlo")]
     pub worst: PathBuf,
 
@@ -117,23 +110,13 @@ pub struct MonteCarlo {
     pub json: bool,
 }
 
-/// What a campaign flies.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum MonteCarloVehicle {
-    /// The tethered drone.
-    #[default]
-    Drone,
-    /// The rocket, stable and unstable in turn.
-    Rocket,
-}
-
 /// What else can be done with campaigns.
 #[derive(Debug, Subcommand)]
 pub enum MonteCarloCommand {
     /// Join the tables of shards and say what they add up to.
     Merge(Merge),
     /// Fly one run again from its file.
-    Replay(ReplayRun),
+    Rerun(Rerun),
 }
 
 /// Options of `tvc montecarlo merge`.
@@ -156,9 +139,9 @@ pub struct Merge {
     pub json: bool,
 }
 
-/// Options of `tvc montecarlo replay`.
+/// Options of `tvc montecarlo rerun`.
 #[derive(Debug, Args)]
-pub struct ReplayRun {
+pub struct Rerun {
     /// A run, as the campaign wrote it.
     #[arg(value_name = "FILE.toml")]
     pub file: PathBuf,

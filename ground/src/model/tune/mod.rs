@@ -35,8 +35,8 @@ within 5 % of the start.
 Examples:
   tvc tune                                      gains for the analog servo
   tvc tune --servo digital --out digital.param  gains for the digital one, as a parameter file
-  tvc tune --from my.param --generations 0      how good gains are, without a search
-  tvc tune --params identified.toml --json      gains for a drone that `tvc identify` measured
+  tvc tune --params my.param --generations 0    how good gains are, without a search
+  tvc tune --drone identified.toml --json       gains for a drone that `tvc identify` measured
   tvc param load digital.param                  take them over into a vehicle
   tvc tune --vehicle rocket                     a rocket's gain schedule, and the best constant gains
 
@@ -44,7 +44,7 @@ Exit status: 0 every requirement met, 1 one missed, 2 unusable input.")]
 pub struct Tune {
     /// What is to be flown: the drone with the surface law, one axis or two of its kind, or the
     /// rocket with PID gains that follow its burn.
-    #[arg(long, value_enum, default_value_t, conflicts_with_all = ["servo", "params", "overshoot", "settling", "margin", "from", "out"])]
+    #[arg(long, value_enum, default_value_t, conflicts_with_all = ["servo", "drone", "overshoot", "settling", "margin", "params", "out"])]
     pub vehicle: TuneVehicle,
 
     /// The servo, with the frame rate that suits it.
@@ -53,7 +53,7 @@ pub struct Tune {
 
     /// Drone, servo and timing where they differ from the servo's preset (docs/model.md).
     #[arg(long, value_name = "FILE.toml")]
-    pub params: Option<PathBuf>,
+    pub drone: Option<PathBuf>,
 
     /// Largest overshoot, in percent of the start.
     #[arg(long, value_name = "PCT", default_value_t = 2.0, value_parser = positive)]
@@ -74,7 +74,7 @@ pub struct Tune {
     /// Begin with the gains of this file instead of analytic ones; with `--generations 0` the
     /// figures are theirs.
     #[arg(long, value_name = "FILE.param")]
-    pub from: Option<PathBuf>,
+    pub params: Option<PathBuf>,
 
     /// Seed of the search and of the dispersed drones.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -122,10 +122,10 @@ pub fn run(options: &Tune) -> Result<Verdict> {
         }),
         gain_db: options.margin,
     };
-    let setup = control_law::setup(options.servo, options.params.as_deref())?;
+    let setup = control_law::setup(options.servo, options.drone.as_deref())?;
     let base = control_law::parameters(options.servo, None)?;
     let problem = Problem::new(setup, &base, options.seed)?;
-    let start = match options.from.as_deref() {
+    let start = match options.params.as_deref() {
         Some(path) => design::gains(&control_law::parameters(options.servo, Some(path))?),
         None => problem.start(),
     };

@@ -36,10 +36,10 @@ use report::table::Table;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc bringup                        examine the Nano that is connected (docs/bringup.md)
-  cargo tvc bringup --report board.html    with a page to keep
-  cargo tvc bringup --rig                  the same on the virtual rig
-  cargo tvc bringup --rig --hardware jumper=no,field=dead   what differences look like
+  tvc bringup                        examine the Nano that is connected (docs/bringup.md)
+  tvc bringup --report board.html    with a page to keep
+  tvc bringup --rig                  the same on the virtual rig
+  tvc bringup --rig --hardware jumper=no,field=dead   what differences look like
 
 Put a jumper from D3 to D2 and connect no servo. The parameters are saved once; the board is made to fail its self-check and to hang, and recovers.
 Exit status: 0 nothing differs or fails, 1 something does or went wrong, 2 unusable input.")]

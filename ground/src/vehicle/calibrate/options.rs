@@ -18,18 +18,18 @@ from iron; stand the body level. Then it shows what it has found and, if you agr
 vehicle and into its flash, and reads it back. It is kept as a recording, which gives the same again.
 
 Examples:
-  cargo tvc calibrate --place 55.79,12.52                      the only Nano, guided
-  cargo tvc calibrate --port ./nano --yes                      a given port, without a question
-  cargo tvc calibrate --only mag,level                         some of the steps
-  cargo tvc calibrate --from walk.tlog                         out of a recording
-  cargo tvc calibrate --from log.csv --place 55.79,12.52       declination from the world magnetic model
-  cargo tvc calibrate --from log.csv --only gyr,acc --level 5  mount from the rest at 5 s, body level
-  cargo tvc param load report/calibration.parm                 and onto the vehicle
-  cargo tvc calibrate servo                                    then centre, angle, direction, ends
-  cargo tvc calibrate servo --second                           the same of the second servo
-  cargo tvc calibrate polarity                                 then see the rudder answer a tilt
-  cargo tvc calibrate hold                                     then, on the tether, the lateral offset
-  cargo tvc rig --pty --link ./nano --blank --sensor worst     a virtual rig to try it at
+  tvc calibrate --place 55.79,12.52                      the only Nano, guided
+  tvc calibrate --port ./nano --yes                      a given port, without a question
+  tvc calibrate --only mag,level                         some of the steps
+  tvc calibrate --from walk.tlog                         out of a recording
+  tvc calibrate --from log.csv --place 55.79,12.52       declination from the world magnetic model
+  tvc calibrate --from log.csv --only gyr,acc --level 5  mount from the rest at 5 s, body level
+  tvc param load report/calibration.parm                 and onto the vehicle
+  tvc calibrate servo                                    then centre, angle, direction, ends
+  tvc calibrate servo --second                           the same of the second servo
+  tvc calibrate polarity                                 then see the rudder answer a tilt
+  tvc calibrate hold                                     then, on the tether, the lateral offset
+  tvc rig --pty --link ./nano --blank --sensor worst     a virtual rig to try it at
 
 Exit status: 0 calibrated, 1 the data do not allow it (standard error says why), 2 unusable input.")]
 #[command(args_conflicts_with_subcommands = true)]

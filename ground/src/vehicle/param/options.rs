@@ -11,14 +11,14 @@ use report::kind;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc param list                     every parameter: value, unit, range, meaning
-  cargo tvc param set SFC_GAIN_S 0.5       live, also in flight; out of range is refused
-  cargo tvc param reset SFC_GAIN_S SFC_NEAR    these to their defaults; without names, every one
-  cargo tvc param reset --stored           every one to what was saved last
-  cargo tvc param dump gains.parm          a file that MAVProxy reads
-  cargo tvc param dump gains.params        a file that QGroundControl reads
-  cargo tvc param diff gains.parm          what differs from a file (without one: from the defaults)
-  cargo tvc param load gains.parm          sets what differs
+  tvc param list                     every parameter: value, unit, range, meaning
+  tvc param set SFC_GAIN_S 0.5       live, also in flight; out of range is refused
+  tvc param reset SFC_GAIN_S SFC_NEAR    these to their defaults; without names, every one
+  tvc param reset --stored           every one to what was saved last
+  tvc param dump gains.parm          a file that MAVProxy reads
+  tvc param dump gains.params        a file that QGroundControl reads
+  tvc param diff gains.parm          what differs from a file (without one: from the defaults)
+  tvc param load gains.parm          sets what differs
 
 Exit status: 0 done (diff: no difference), 1 something failed (diff: a difference), 2 unusable input.")]
 pub struct Param {

@@ -51,9 +51,9 @@ const LOOK: Duration = Duration::from_millis(50);
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc web --open                     the page of the only Nano that is connected
-  cargo tvc web --port ./nano              of the rig that `tvc rig --pty --link ./nano` runs
-  cargo tvc web --logs flights             recordings and step tests go to the folder flights
+  tvc web --open                     the page of the only Nano that is connected
+  tvc web --port ./nano              of the rig that `tvc rig --pty --link ./nano` runs
+  tvc web --logs flights             recordings and step tests go to the folder flights
 
 Attitude, strip charts, health, messages, parameters, arm, STOP (Esc), tests, recordings and their
 reports; for the virtual rig, if it has a --link, all that can be done to it by hand. Everything is

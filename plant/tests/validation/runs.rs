@@ -1,6 +1,5 @@
 //! The motions that are checked.
 
-use anyhow::Result;
 use plant::free::State;
 use plant::integrate::Adaptive;
 use plant::scenario::{Row, Scenario};
@@ -11,39 +10,39 @@ const DT_S: f64 = 5e-3;
 
 /// An instant of a motion, with the energy and momentum for the balances.
 #[derive(Clone, Copy)]
-pub struct Instant {
-    pub time_s: f64,
-    pub state: State,
+pub(crate) struct Instant {
+    pub(crate) time_s: f64,
+    pub(crate) state: State,
     /// Kinetic and potential energy, in J.
-    pub kinetic_j: f64,
-    pub potential_j: f64,
+    pub(crate) kinetic_j: f64,
+    pub(crate) potential_j: f64,
     /// Work of wash, thrust, friction and servo since the start, in J.
-    pub work_j: f64,
+    pub(crate) work_j: f64,
     /// Angular momentum about the pivot, in kg m2/s, and the impulse of all outer moments.
-    pub momentum: f64,
-    pub impulse: f64,
+    pub(crate) momentum: f64,
+    pub(crate) impulse: f64,
 }
 
 /// All motions.
-pub struct Runs {
-    pub sweep: Vec<Row>,
-    pub still: Vec<Row>,
-    pub balanced: Vec<Row>,
-    pub pendulum: Vec<Row>,
-    pub top_heavy: Vec<Row>,
-    pub torque: Vec<Row>,
-    pub stopped: Vec<Row>,
+pub(crate) struct Runs {
+    pub(crate) sweep: Vec<Row>,
+    pub(crate) still: Vec<Row>,
+    pub(crate) balanced: Vec<Row>,
+    pub(crate) pendulum: Vec<Row>,
+    pub(crate) top_heavy: Vec<Row>,
+    pub(crate) torque: Vec<Row>,
+    pub(crate) stopped: Vec<Row>,
     /// Tumbling under gravity alone.
-    pub coasting: Vec<Instant>,
+    pub(crate) coasting: Vec<Instant>,
     /// Tumbling under gravity, wash, thrust, friction and servo.
-    pub driven: Vec<Instant>,
+    pub(crate) driven: Vec<Instant>,
     /// The drone of `driven`.
-    pub mechanism: Mechanism,
+    pub(crate) mechanism: Mechanism,
 }
 
 impl Runs {
     /// Runs them all.
-    pub fn new() -> Result<Self> {
+    pub(crate) fn new() -> Self {
         let gravity_only = |drone: &str, pitch: f64| {
             scenario(&format!(
                 "seconds = 5\n[drone]\nthrust_n = 0\n{drone}\n[start]\npitch_rad = {pitch}"
@@ -62,40 +61,40 @@ impl Runs {
             rudder_friction_n_m_s: 0.005,
             ..coasting
         };
-        let mechanism = Mechanism::new(&driven)?;
-        Ok(Self {
+        let mechanism = Mechanism::new(&driven).unwrap();
+        Self {
             sweep: scenario(
                 "seconds = 3\n[input]\ncrank_rad = { offset = 0.4, amplitude = 0.4, \
                  period_s = 3, phase_rad = \"-90 deg\" }\n[options]\nhold_pitch = true",
-            )?,
+            ),
             still: scenario(
                 "seconds = 3\n[drone]\nthrust_n = 0\ngravity_m_s2 = 0\n\
                  [start]\npitch_rad = 0.3\ncrank_rad = 0.1",
-            )?,
-            balanced: gravity_only("", 0.1)?,
-            pendulum: gravity_only("body_cm_m = [0, 0]\ngravity_m_s2 = 9.8", 0.2)?,
-            top_heavy: gravity_only("body_cm_m = [-9.92e-5, 0.0625]", 0.05)?,
+            ),
+            balanced: gravity_only("", 0.1),
+            pendulum: gravity_only("body_cm_m = [0, 0]\ngravity_m_s2 = 9.8", 0.2),
+            top_heavy: gravity_only("body_cm_m = [-9.92e-5, 0.0625]", 0.05),
             torque: scenario(
                 "seconds = 2\n[drone]\ncrank_friction_n_m_s = 0.02\n[input]\ntorque_n_m = 0.1",
-            )?,
+            ),
             stopped: scenario(
                 "seconds = 1\ndt_s = 0.0005\n[input]\nvoltage_v = 6\n[options]\ncrank_stop = { \
                  angle_rad = 0.8, stiffness_n_m_rad = 50, damping_n_m_s = 0.085 }",
-            )?,
-            coasting: account(&Mechanism::new(&coasting)?, |_| 0.0)?,
-            driven: account(&mechanism, |time| 0.05 * (5.0 * time).sin())?,
+            ),
+            coasting: account(&Mechanism::new(&coasting).unwrap(), |_| 0.0),
+            driven: account(&mechanism, |time| 0.05 * (5.0 * time).sin()),
             mechanism,
-        })
+        }
     }
 }
 
-fn scenario(text: &str) -> Result<Vec<Row>> {
-    Ok(Scenario::parse(text)?.run()?)
+fn scenario(text: &str) -> Vec<Row> {
+    Scenario::parse(text).unwrap().run().unwrap()
 }
 
 /// A tumble over 5 s under a servo torque (N m) over time, the work of all loads but gravity and
 /// the impulse of all moments integrated beside the motion.
-fn account(mechanism: &Mechanism, torque: impl Fn(f64) -> f64) -> Result<Vec<Instant>> {
+fn account(mechanism: &Mechanism, torque: impl Fn(f64) -> f64) -> Vec<Instant> {
     let start = State {
         pitch_rad: 0.4,
         crank_rad: -0.3,
@@ -123,8 +122,9 @@ fn account(mechanism: &Mechanism, torque: impl Fn(f64) -> f64) -> Result<Vec<Ins
         ]
     };
     let times: Vec<f64> = (0..=1000).map(|i| f64::from(i) * DT_S).collect();
-    let states = Adaptive::default().sample(slope, &times, [th0, th1, w0, v1, 0.0, 0.0])?;
-    Ok(times
+    let states = Adaptive::default().sample(slope, &times, [th0, th1, w0, v1, 0.0, 0.0]);
+    let states = states.unwrap();
+    times
         .into_iter()
         .zip(states)
         .map(|(time_s, [th0, th1, w0, v1, work_j, impulse])| {
@@ -140,5 +140,5 @@ fn account(mechanism: &Mechanism, torque: impl Fn(f64) -> f64) -> Result<Vec<Ins
                 impulse,
             }
         })
-        .collect())
+        .collect()
 }
