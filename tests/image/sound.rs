@@ -1,4 +1,4 @@
-//! What the image does to vehicles that nothing is wrong with: a sample of `tvc faults --sound`.
+//! What the image does to vehicles that nothing is wrong with: a sample of `lab faults --sound`.
 
 use crate::firmware;
 use rig::bench::{TwoAxes, VehicleConfig};

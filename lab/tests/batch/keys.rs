@@ -10,6 +10,10 @@ const ALONE: &[(&str, &str)] = &[
         "faults --runs 2 --kind spikes ram-statics --out faults.csv",
     ),
     ("faults-merge", "faults merge faults.csv"),
+    (
+        "faults-sound",
+        "faults --sound --runs 1 --kind rest --phase standby --servo s3003 --vehicle drone --seconds 1",
+    ),
     ("faults-rerun", "faults rerun run.toml"),
     ("profile", "profile --seconds 0.1"),
     ("profile-after", "profile --after 0.1 --seconds 0.1"),
