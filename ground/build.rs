@@ -16,7 +16,7 @@ const TOOL_SOURCES: [&str; 8] = [
     "ground/src",
     "plant/src",
     "recordings/src",
-    "report/src",
+    "reports/src",
     "rig/src",
     "samd21/src",
 ];

@@ -1,5 +1,5 @@
-//! The ground tool `tvc` as a library: its commands, and what the laboratory (`lab`) shares with them.
-//! Messages for people go to standard error, data to standard output.
+//! The ground tool `tvc` as a library: its commands, and what the laboratory (`lab`) shares with
+//! them. Messages for people go to standard error, data to standard output.
 
 #![forbid(unsafe_code)]
 #![allow(

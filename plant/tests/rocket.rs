@@ -36,8 +36,8 @@ fn config(rocket: &Rocket, time_s: f64) -> Config {
     }
 }
 
-/// Responses of pitch and yaw to a step at a time of the burn (s), with the schedule or with the gains
-/// of lift-off.
+/// Responses of pitch and yaw to a step at a time of the burn (s), with the schedule or with the
+/// gains of lift-off.
 fn step(rocket: &Rocket, time_s: f64, scheduled: bool) -> [StepResponse; 2] {
     let table = TABLE_S.map(|at| (at as f32, config(rocket, at)));
     let schedule = Schedule::<f32, 10>::new(table).unwrap();
@@ -98,8 +98,8 @@ fn the_schedule_keeps_the_response_through_the_burn() {
     }
 }
 
-/// 100 kN from 2600 kg in 90 s are more than oxygen and ethanol give, and a vertical run on them does
-/// not end where the thesis says.
+/// 100 kN from 2600 kg in 90 s are more than oxygen and ethanol give, and a vertical run on them
+/// does not end where the thesis says.
 #[test]
 fn the_stated_figures_do_not_fit_one_another() {
     let rocket = Rocket::new(&RocketParameters::SPICA).unwrap();

@@ -1,4 +1,5 @@
-//! `tvc` or `lab` ([`crate::PROGRAM`]) as a process: a command that ends, and one that goes on beside the test, such as
+//! `tvc` or `lab` ([`crate::PROGRAM`]) as a process: a command that ends, and one that goes on
+//! beside the test, such as
 //! `tvc rig --pty`.
 #![allow(dead_code, reason = "every test file takes what it needs")]
 

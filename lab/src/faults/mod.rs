@@ -22,7 +22,6 @@ use ::report::file::write_table;
 use ::report::kind::{self, Kind as FileKind};
 use ::report::measure::{Figures, figure};
 use ground::flight::vehicle::VehicleKind;
-use ground::image::ImageOption;
 pub use options::Faults;
 use options::{FaultsCommand, Merge, Rerun};
 pub use scenario::Scenario;

@@ -1,5 +1,5 @@
-//! Every command that the documents and the help show is one that `tvc` or `lab` takes: nothing is run,
-//! each is parsed.
+//! Every command that the documents and the help show is one that `tvc` or `lab` takes: nothing is
+//! run, each is parsed.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -15,7 +15,7 @@ const FOLDERS: [&str; 8] = [
     "lab/src",
     "plant/src",
     "recordings/src",
-    "report/src",
+    "reports/src",
     "rig/src",
 ];
 
@@ -51,7 +51,7 @@ const ELSEWHERE: [(&str, &str); 9] = [
     ("ground/src/input.rs", "what opens the files of the others"),
     ("lab/src/cycles/mod.rs", "a recording of the source tree"),
     (
-        "report/src/kind.rs",
+        "reports/src/kind.rs",
         "the head of a file, looked at for zeros and one word",
     ),
     (

@@ -1,6 +1,6 @@
-//! Fuzzing: mutated inputs through everything of `tvc` and `lab` that reads a file of unknown origin,
-//! frames of a vehicle, or what a program sends it. None may panic, take much more memory than its
-//! input is long, or take for ever, and what cannot be used is refused as unusable input.
+//! Fuzzing: mutated inputs through everything of `tvc` and `lab` that reads a file of unknown
+//! origin, frames of a vehicle, or what a program sends it. None may panic, take much more memory
+//! than its input is long, or take for ever, and what cannot be used is refused as unusable input.
 //!
 //! [`readers`] has the table of them, `lab/fuzz_corpus` the stored inputs. A case is a reader
 //! and a number: the same two are the same input.

@@ -80,7 +80,8 @@ pub struct MonteCarlo {
     #[arg(long, value_name = "FILE.toml")]
     pub drone: Option<PathBuf>,
 
-    /// Firmware parameters in place of the shipped ones, as `tvc tune` and `tvc param dump` write them.
+    /// Firmware parameters in place of the shipped ones, as `tvc tune` and `tvc param dump` write
+    /// them.
     #[arg(long, value_name = "FILE.param")]
     pub params: Option<PathBuf>,
 
