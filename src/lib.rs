@@ -1,6 +1,6 @@
 //! The flight of a drone (or a rocket's stand-in) steered by rudders in its wash: attitude,
-//! control, servo, failsafe and telemetry. It decides everything and names no hardware; `src/board`
-//! knows the pins.
+//! control, servo, failsafe and telemetry. It decides everything and names no hardware:
+//! `src/samd21` knows the chip, `src/boards` the pins.
 //!
 //! [`Flight::step`] is the whole of it: a sample in, a pulse for each axis out. A log replay runs
 //! it; the image, on the chip and on the virtual rig, runs its three parts in turn.
@@ -28,6 +28,7 @@ mod axis;
 mod blow;
 mod board_status;
 pub mod bringup;
+pub mod bus;
 mod channel;
 pub mod config;
 pub mod controller;
@@ -45,6 +46,7 @@ pub mod navigation;
 mod numbered;
 pub mod params;
 pub mod recorder;
+pub mod sampling;
 pub mod self_test;
 pub mod sensor;
 pub mod servo;

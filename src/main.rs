@@ -8,6 +8,10 @@
 
 #[cfg(target_os = "none")]
 mod board;
+#[cfg(target_os = "none")]
+mod boards;
+#[cfg(target_os = "none")]
+mod samd21;
 
 #[cfg(target_os = "none")]
 mod firmware {
@@ -27,7 +31,8 @@ mod firmware {
     use tvc_nano::sensor::{self, Sensor};
     use tvc_nano::telemetry::{Identity, Telemetry};
 
-    use crate::board::{Board, crash};
+    use crate::board::Board;
+    use crate::samd21::crash;
 
     #[entry]
     fn main() -> ! {

@@ -1,5 +1,5 @@
 //! The sums of an image, in two words of its vector table that the processor has no use for. The
-//! firmware compares them at its start (`src/board/image_check.rs`).
+//! firmware compares them at its start (`src/samd21/image_check.rs`).
 //!
 //! The sums are Fletcher's over all words of the image but these two, modulo 2^32. An image that
 //! was not sealed has zeros there and is not compared.

@@ -1,72 +1,30 @@
-//! The board: clocks, sensor bus, servo, USB, watchdog, and what is left after a crash. The only
-//! place that names a register.
-//!
-//! # Interrupts
-//! | priority | interrupt | does |
-//! |---|---|---|
-//! | 0 (highest) | SysTick, 1 kHz | counts time; resets a program that hangs, between two pulses |
-//! | 0 | WDT | early warning: the servo to neutral, whatever else hangs but SysTick's own handler. Looks at no clock |
-//! | 1 | TCC0 | the tick: starts the armed burst, wakes the main loop |
-//! | 1 | SERCOM4 | the sensor bus, a byte at a time; wakes the main loop behind the last |
-//! | 3 | USB | masks itself; wakes the main loop |
-//!
-//! Nothing above the main loop takes more than some 10 us, so a tick's burst starts within a few
-//! microseconds of its compare match. Interrupts are held off for single looks at what is shared
-//! with them: some microseconds.
-//!
-//! # No endless waits
-//! Every wait for hardware is bounded but one, at start-up before the first pulse and before the
-//! watchdog runs: the HAL's for the oscillators (see [`clocks`]).
-//!
-//! # No panics
-//! What cannot go on stops with a reason ([`crash::stop`]): the servo goes to neutral, the chip is
-//! reset, and the next run tells why. No call of a panic is linked into the image, which tests hold
-//! (`tests/image/symbols.rs`): what could divide by zero, index out of bounds or unwrap nothing is
-//! written so that it cannot.
+//! The board as the application uses it: the chip's parts joined, on the wiring of the board that
+//! the image is for.
 
-mod bringup;
-mod clock_check;
-mod clocks;
-pub(crate) mod crash;
-mod flash;
-mod frame;
-mod i2c;
-mod image_check;
-mod log;
 mod memory_sum;
-mod nano33iot;
-mod pin;
-mod stack;
-mod time;
-mod usb;
-mod wake;
-mod watchdog;
 
 use atsamd_hal::pac;
 use atsamd_hal::serial_number;
-use cortex_m::peripheral::scb::SystemHandler;
 use tvc_imu::{Bursts, Micros, Transfer};
 use tvc_nano::application::{self, Event, StepEnd};
 use tvc_nano::bringup::Order;
+use tvc_nano::bus::Origin;
 use tvc_nano::failsafe::BootReport;
 use tvc_nano::guard::Sum;
 use tvc_nano::params::Params;
+use tvc_nano::sampling::Sampling;
 use tvc_nano::servo::first_pulses;
 use tvc_nano::sleep::Load;
 use tvc_nano::store::{self, BoardId};
 use tvc_nano::telemetry::Reset;
-use tvc_nano::ticks::{BurstGauge, NewestTick};
 use tvc_nano::{BoardStatus, SelfCheck};
 
-use clock_check::ClockCheck;
-use image_check::ImageCheck;
-use nano33iot::{FRAME_INTERRUPT, I2C_INTERRUPT, LED, PROBE, RADIO_RESET};
-
-/// Longest time that a step takes, us.
-const STEP_US: u64 = 900;
-
-/// Whole bursts that a row or page of flash may spoil, erased or written within 6 ms.
-const HALTED_BURSTS: u8 = 2;
+use crate::boards::WIRING;
+use crate::samd21::clock_check::ClockCheck;
+use crate::samd21::image_check::ImageCheck;
+use crate::samd21::{
+    bringup, clocks, crash, flash, frame, i2c, interrupts, log, stack, time, usb, watchdog,
+};
 
 /// The running board.
 pub(crate) struct Board {
@@ -75,15 +33,9 @@ pub(crate) struct Board {
     port: usb::Port,
     flash: flash::Flash,
     guard: watchdog::WatchdogGuard,
-    tick: NewestTick,
-    carried_at: Micros,
+    sampling: Sampling,
     /// The state that the log has told.
     state_code: u32,
-    bus_errors: u16,
-    bursts: BurstGauge,
-    /// Bursts that may lie in a time for which the processor stood still, to write its flash: they
-    /// say nothing of the sensor.
-    halted: u8,
     load: Load,
     image: ImageCheck,
     clocks: ClockCheck,
@@ -118,7 +70,7 @@ impl Board {
             crash: crash::report(&chip.pm),
             stored,
         };
-        nano33iot::enable_bus_clocks(&mut chip.pm);
+        clocks::enable_buses(&chip.pm);
         let Some(image) = ImageCheck::new() else {
             crash::refuse_to_start(SelfCheck::Flash)
         };
@@ -129,16 +81,15 @@ impl Board {
         stack::paint();
         let timing = params.timing();
         let frame = frame::Frame::start(&clocks.frame, first_pulses(&params, stored), timing);
-        RADIO_RESET.low();
-        LED.low();
-        PROBE.low();
+        for pin in WIRING.held_low {
+            pin.low();
+        }
+        light(false);
+        WIRING.probe.low();
         clocks::watch_supply(&chip.sysctrl);
         let bus = i2c::Bus::start(timing.i2c_khz);
         let port = usb::Port::start(&clocks.usb, &mut chip.pm, chip.usb);
-        // SAFETY: set once, before any of them is enabled; critical sections mask all alike.
-        unsafe { core.SCB.set_priority(SystemHandler::SysTick, priority(0)) };
-        enable_interrupts();
-        enable(pac::Interrupt::USB, 3);
+        interrupts::start(&mut core.SCB);
         log::started(&report);
         let now = time::now();
         let board = Self {
@@ -147,12 +98,8 @@ impl Board {
             port,
             flash,
             guard,
-            tick: NewestTick::new(now),
-            carried_at: now,
+            sampling: Sampling::new(now),
             state_code: u32::MAX,
-            bus_errors: 0,
-            bursts: BurstGauge::default(),
-            halted: 0,
             load: Load::new(now),
             image,
             clocks: ClockCheck::new(),
@@ -170,7 +117,7 @@ impl Board {
             if !self.image.look_on() {
                 crash::stop(SelfCheck::Flash);
             }
-            let burst_due = self.tick.burst_due().unwrap_or(Micros(u64::MAX));
+            let burst_due = self.sampling.burst_due().unwrap_or(Micros(u64::MAX));
             let (now, asleep) = time::sleep_until(burst_due, turn);
             self.load.slept(asleep);
             let event = self.event(now);
@@ -178,26 +125,6 @@ impl Board {
                 return (now, event);
             }
         }
-    }
-
-    /// Whether `transfer`, begun at `start`, is over before the next tick.
-    fn leaves_time_for(&self, start: Micros, transfer: &Transfer) -> bool {
-        let (timing, period_us) = (self.frame.timing(), self.frame.tick_period_us());
-        // What the 21 bytes of a burst vary by may be one byte that is stretched for long.
-        let reserve_us = self.bus.stop_us() + self.bursts.times().spread_us();
-        self.tick
-            .leaves_time_for(start, transfer, timing, reserve_us, period_us)
-    }
-
-    /// Whether a sensor is so slow that a register can be read back only in front of the step, and
-    /// not behind it.
-    fn is_hurried(&self, now: Micros) -> bool {
-        const ONE_REGISTER: Transfer = Transfer::Read {
-            register: 0,
-            len: 1,
-        };
-        let fits = |start| self.leaves_time_for(start, &ONE_REGISTER);
-        !fits(now.after(STEP_US)) && fits(now.after(self.bus.stop_us().into()))
     }
 
     /// Put right what can be, of the registers that make pulses and interrupts, and stop where
@@ -209,7 +136,7 @@ impl Board {
         self.frame.connect_again();
         self.bus.connect_again();
         usb::point_at_banks();
-        enable_interrupts();
+        interrupts::enable_again();
         time::keep_running();
         if !self.frame.is_as_set() || !self.guard.is_as_set() {
             crash::stop(SelfCheck::Registers);
@@ -219,53 +146,28 @@ impl Board {
     fn event(&mut self, now: Micros) -> Event {
         if let Some(tick) = frame::take_tick() {
             self.guard.work.tick_seen();
-            let timing = self.frame.timing();
-            let is_overtaken = self.tick.came(tick.at, tick.alone, timing);
-            if tick.is_carried {
-                self.carried_at = before(tick.at, timing.later_us(tick.alone));
-            }
-            if is_overtaken {
-                return Event::Missed;
+            if let Some(overtaken) = self.sampling.tick(tick, self.frame.timing()) {
+                return overtaken;
             }
         }
-        if let Some(completion) = self.bus.poll(now, self.tick.burst_due()) {
+        let due = self.sampling.burst_due();
+        if let Some(completion) = self.bus.poll(now, due) {
             // While the sensor is set up, nothing is more urgent than the STOP.
-            let is_burst = completion.origin != i2c::Origin::Loop;
-            if !self.bus.is_sampling() || is_burst && self.is_hurried(now) {
-                self.bus.await_stop(&completion, self.tick.burst_due());
+            if !self.bus.is_sampling() || completion.origin != Origin::Loop && self.is_hurried(now)
+            {
+                self.bus.await_stop(&completion, due);
             }
-            let i2c::Completion {
-                origin,
-                mut outcome,
-                took_us,
-            } = completion;
-            let alone = origin == i2c::Origin::Tick { alone: true };
-            let later_us = self.frame.timing().later_us(alone);
-            outcome.started = before(outcome.started, later_us);
-            match (origin, outcome.result) {
-                (i2c::Origin::Tick { alone: false }, Ok(())) => {
-                    if self.halted > 0 {
-                        self.halted -= 1;
-                    } else {
-                        self.bursts.add(took_us);
-                    }
-                }
-                (_, Err(_)) => self.bus_errors = self.bus_errors.saturating_add(1),
-                (_, Ok(())) => {}
-            }
-            return match origin {
-                i2c::Origin::Loop => Event::Reply(outcome),
-                i2c::Origin::Tick { .. } if self.tick.burst_over() => Event::Burst(outcome),
-                i2c::Origin::Tick { .. } => Event::Late(outcome),
-            };
+            return self.sampling.over(completion, self.frame.timing());
         }
-        if self.tick.is_missed(now) {
-            Event::Missed
-        } else if self.tick.is_lost(now) {
-            crash::stop(SelfCheck::Registers)
-        } else {
-            Event::Nothing
-        }
+        self.sampling
+            .none_over(now)
+            .unwrap_or_else(|check| crash::stop(check))
+    }
+
+    fn is_hurried(&self, now: Micros) -> bool {
+        let (timing, period_us) = (self.frame.timing(), self.frame.tick_period_us());
+        self.sampling
+            .is_hurried(now, self.bus.stop_us(), timing, period_us)
     }
 }
 
@@ -293,7 +195,10 @@ impl application::Board for Board {
     }
 
     fn has_time_for(&self, transfer: &Transfer) -> bool {
-        self.leaves_time_for(time::now(), transfer)
+        let (timing, period_us) = (self.frame.timing(), self.frame.tick_period_us());
+        let stop_us = self.bus.stop_us();
+        self.sampling
+            .leaves_time_for(time::now(), transfer, stop_us, timing, period_us)
     }
 
     fn begin(&mut self, transfer: Transfer) {
@@ -302,18 +207,18 @@ impl application::Board for Board {
 
     /// The probe pin is high during a step, for whoever measures it.
     fn step_begins(&mut self) {
-        PROBE.high();
+        WIRING.probe.high();
     }
 
     fn carried_tick(&self) -> Micros {
-        self.carried_at
+        self.sampling.carried_at()
     }
 
     fn step_ends(&mut self, end: &StepEnd) {
         // A step that comes just before every edge would never let the loop see the buffer empty.
         self.guard.work.pulse_sent(self.frame.is_sent());
         let taken = self.frame.write(end.pulses);
-        PROBE.low();
+        WIRING.probe.low();
         self.check_registers();
         self.guard.work.step_done(taken);
         let now = time::now();
@@ -327,19 +232,15 @@ impl application::Board for Board {
         if core::mem::replace(&mut self.state_code, code) != code {
             log::state(&end.state);
         }
-        if end.led {
-            LED.high();
-        } else {
-            LED.low();
-        }
+        light(end.led);
     }
 
     fn status(&self) -> BoardStatus {
         BoardStatus {
             load_permille: self.load.permille(),
-            bus_errors: self.bus_errors,
+            bus_errors: self.sampling.errors(),
             bus_recoveries: self.bus.recoveries(),
-            bursts: self.bursts.times(),
+            bursts: self.sampling.times(),
             stop_us: self.bus.stop_us(),
             // The clock is looked at every second or two.
             clock_fine: (self.steps == 0 && self.port.port() != application::Port::Absent)
@@ -362,7 +263,7 @@ impl application::Board for Board {
     }
 
     fn flash(&mut self) -> &mut flash::Flash {
-        self.halted = HALTED_BURSTS;
+        self.sampling.halted();
         &mut self.flash
     }
 
@@ -379,28 +280,8 @@ impl application::Board for Board {
     }
 }
 
-fn before(at: Micros, us: u32) -> Micros {
-    Micros(at.0.saturating_sub(us.into()))
-}
-
-/// Of four levels, in the upper two bits.
-const fn priority(level: u8) -> u8 {
-    level << 6
-}
-
-/// Enable the interrupts of the flight, with the priorities that the table above says; also those
-/// that are enabled already. USB's is masked now and then.
-fn enable_interrupts() {
-    enable(FRAME_INTERRUPT, 1);
-    enable(I2C_INTERRUPT, 1);
-    enable(pac::Interrupt::WDT, 0);
-}
-
-fn enable(interrupt: pac::Interrupt, level: u8) {
-    // SAFETY: nobody else sets priorities, and critical sections mask all interrupts alike.
-    unsafe {
-        let mut nvic = cortex_m::Peripherals::steal().NVIC;
-        nvic.set_priority(interrupt, priority(level));
-        pac::NVIC::unmask(interrupt);
+fn light(lit: bool) {
+    if let Some(led) = WIRING.led {
+        led.set(lit);
     }
 }

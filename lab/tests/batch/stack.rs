@@ -1,5 +1,5 @@
 //! `lab stack` on the firmware's own image: the worst case holds on the rig and is as small as it
-//! has to be, and the interrupts have the priorities that `src/board/mod.rs` says.
+//! has to be, and the interrupts have the priorities that `src/samd21/mod.rs` says.
 
 use std::collections::BTreeMap;
 

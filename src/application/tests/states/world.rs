@@ -6,7 +6,7 @@ use super::*;
 use crate::flight::tests::reading;
 use crate::store::tests::Mock;
 
-/// From the host's request to the reset, as `src/board/usb.rs` has it.
+/// From the host's request to the reset, as `src/samd21/usb.rs` has it.
 const RESET_DELAY_US: u64 = 100_000;
 
 /// What is wrong with the sensor or its bus.

@@ -38,14 +38,14 @@ const GRACE_MS: u8 = 15;
 static GRACE: AtomicU8 = AtomicU8::new(0);
 
 /// Feeds the watchdog as long as the loop does its work.
-pub(super) struct WatchdogGuard {
+pub(crate) struct WatchdogGuard {
     watchdog: pac::Wdt,
-    pub(super) work: Work,
+    pub(crate) work: Work,
 }
 
 impl WatchdogGuard {
     /// Start the watchdog.
-    pub(super) fn start(watchdog: pac::Wdt) -> Self {
+    pub(crate) fn start(watchdog: pac::Wdt) -> Self {
         let guard = Self {
             watchdog,
             work: Work::new(now()),
@@ -65,7 +65,7 @@ impl WatchdogGuard {
 
     /// Feed the watchdog if the loop has done its work, and the stack has not grown into the
     /// statics.
-    pub(super) fn check(&mut self, now: Micros) {
+    pub(crate) fn check(&mut self, now: Micros) {
         if self.work.is_done(now) && !self.is_synchronising() {
             stack::check();
             feed(&self.watchdog);
@@ -76,7 +76,7 @@ impl WatchdogGuard {
     }
 
     /// Whether it runs with the times that it was given.
-    pub(super) fn is_as_set(&self) -> bool {
+    pub(crate) fn is_as_set(&self) -> bool {
         let control = self.watchdog.ctrl().read();
         let config = self.watchdog.config().read();
         self.is_synchronising()
@@ -99,12 +99,12 @@ impl WatchdogGuard {
 
 /// Whether the chip is about to be reset: the servo is to stay at neutral then, whatever a loop
 /// that goes on asks for.
-pub(super) fn has_warned() -> bool {
+pub(crate) fn has_warned() -> bool {
     GRACE.load(Ordering::Relaxed) != 0
 }
 
 /// A millisecond has gone by. Ends a program that hangs.
-pub(super) fn tick() {
+pub(crate) fn tick() {
     let grace = GRACE.load(Ordering::Relaxed);
     if grace == 1 {
         crash::stop_hanging();
@@ -113,12 +113,12 @@ pub(super) fn tick() {
 }
 
 /// Whether the watchdog is running.
-pub(super) fn is_running() -> bool {
+pub(crate) fn is_running() -> bool {
     registers().ctrl().read().enable().bit_is_set()
 }
 
 /// Feed the watchdog of a vehicle that does nothing but wait, with its servos at neutral.
-pub(super) fn hold_off() {
+pub(crate) fn hold_off() {
     let watchdog = registers();
     if watchdog.status().read().syncbusy().bit_is_clear() {
         feed(watchdog);

@@ -44,7 +44,7 @@ impl Sums {
 }
 
 /// The passes over the image.
-pub(super) struct ImageCheck {
+pub(crate) struct ImageCheck {
     /// Of the first pass.
     expected: Sums,
     sums: Sums,
@@ -54,7 +54,7 @@ pub(super) struct ImageCheck {
 
 impl ImageCheck {
     /// Reads the whole image, which takes 4 ms. `None` if it is not the one that was sealed.
-    pub(super) fn new() -> Option<Self> {
+    pub(crate) fn new() -> Option<Self> {
         let mut check = Self {
             expected: Sums::default(),
             sums: Sums::default(),
@@ -87,7 +87,7 @@ impl ImageCheck {
     /// not what it was.
     // Not inlined: the main loop's registers are not for it.
     #[inline(never)]
-    pub(super) fn look_on(&mut self) -> bool {
+    pub(crate) fn look_on(&mut self) -> bool {
         for _ in 0..PARTS {
             if wake::is_requested() {
                 break;

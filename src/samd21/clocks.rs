@@ -1,27 +1,27 @@
 //! Clocks and supply supervision.
 //!
-//! The Nano 33 IoT has no crystal. The DFLL makes 48 MHz, disciplined by USB's start-of-frame where
+//! No crystal is needed. The DFLL makes 48 MHz, disciplined by USB's start-of-frame where
 //! there is a host. Where there is none, it keeps what a host disciplined it to last, or starts
 //! with what the parameter `CLK_FINE` has kept from there; without either it is off by up to 3 %.
 //! The HAL sets it up and waits for its oscillators without a limit: that is left as it is. It
 //! happens before the first pulse and before the watchdog runs, and a chip whose oscillator does
 //! not start could make neither pulses nor USB whatever this code did.
 
-use atsamd_hal::clock::{ClockGenId, ClockSource, GenericClockController, UsbClock};
+use atsamd_hal::clock::{ClockGenId, ClockSource, GenericClockController, Tcc0Tcc1Clock, UsbClock};
 use atsamd_hal::pac;
 
-use super::nano33iot::{self, FrameClock};
+use super::i2c;
 use super::time::{soon, within};
 
 /// Proof that the clocks run which USB's controller and the frame ask for.
-pub(super) struct Clocks {
-    pub(super) usb: UsbClock,
-    pub(super) frame: FrameClock,
+pub(crate) struct Clocks {
+    pub(crate) usb: UsbClock,
+    pub(crate) frame: Tcc0Tcc1Clock,
 }
 
 /// 48 MHz for the CPU, USB, the servo timer and the sensor bus; 1,024 Hz for the watchdog. `None`
 /// if one of them has been set up before.
-pub(super) fn start(
+pub(crate) fn start(
     gclk: pac::Gclk,
     pm: &mut pac::Pm,
     sysctrl: &mut pac::Sysctrl,
@@ -37,14 +37,47 @@ pub(super) fn start(
         false,
     )?;
     controller.wdt(&slow)?;
-    Some(Clocks {
+    let clocks = Clocks {
         usb: controller.usb(&main)?,
-        frame: nano33iot::clock(&mut controller, &main)?,
-    })
+        frame: controller.tcc0_tcc1(&main)?,
+    };
+    clock_bus();
+    Some(clocks)
+}
+
+/// Clock the sensor bus's SERCOM, whose number the HAL has in names alone, from generator 0.
+fn clock_bus() {
+    /// CLKCTRL.CLKEN.
+    const ENABLED: u16 = 1 << 14;
+    // SAFETY: start-up alone writes it here.
+    unsafe {
+        (*pac::Gclk::ptr())
+            .clkctrl()
+            .write(|w| w.bits(ENABLED | u16::from(i2c::CLOCK_ID)));
+    }
+}
+
+/// Switch on the bus clocks of the servo timer and of the sensor bus's SERCOM.
+pub(crate) fn enable_buses(pm: &pac::Pm) {
+    // SAFETY: masks of peripherals that the chip has.
+    pm.apbcmask()
+        .modify(|r, w| unsafe { w.bits(r.bits() | i2c::BUS_CLOCK).tcc0_().set_bit() });
+}
+
+/// Clock the servo timer once more, from generator 0, should a register have lost that.
+pub(crate) fn clock_frame_again() {
+    // SAFETY: as start-up has set it.
+    unsafe {
+        let chip = pac::Peripherals::steal();
+        enable_buses(&chip.pm);
+        chip.gclk
+            .clkctrl()
+            .write(|w| w.id().tcc0_tcc1().r#gen().gclk0().clken().set_bit());
+    }
 }
 
 /// What start-of-frame has disciplined the DFLL to: its FINE, `None` while it is not locked.
-pub(super) fn locked_fine() -> Option<u16> {
+pub(crate) fn locked_fine() -> Option<u16> {
     let sysctrl = sysctrl();
     if sysctrl.pclksr().read().dflllckf().bit_is_clear() {
         return None;
@@ -55,19 +88,20 @@ pub(super) fn locked_fine() -> Option<u16> {
 }
 
 /// Start from this FINE instead of the middle, which is up to 3 % off.
-pub(super) fn set_fine(sysctrl: &pac::sysctrl::RegisterBlock, fine: u16) {
+pub(crate) fn set_fine(sysctrl: &pac::sysctrl::RegisterBlock, fine: u16) {
     let coarse = sysctrl.dfllval().read().coarse().bits();
     set_dfll(sysctrl, coarse, fine, sysctrl.dfllctrl().read().bits());
 }
 
 /// Sets the DFLL to this COARSE and FINE, and DFLLCTRL to `control`. In open loop, since the loop
 /// would write them; the HAL has the loop closed.
-pub(super) fn set_dfll(sysctrl: &pac::sysctrl::RegisterBlock, coarse: u8, fine: u16, control: u16) {
+pub(crate) fn set_dfll(sysctrl: &pac::sysctrl::RegisterBlock, coarse: u8, fine: u16, control: u16) {
     let ready = || soon(|| sysctrl.pclksr().read().dfllrdy().bit_is_set());
     // SAFETY: what was read from the same registers, or six and ten bits, as the row of calibration
     // and the parameter's range have them.
     let write = |closed: bool| {
         sysctrl.dfllctrl().write(|w| {
+            // SAFETY: as above.
             unsafe { w.bits(control) };
             // A copy of it that has changed is not to stop the processor.
             w.enable().set_bit();
@@ -99,7 +133,7 @@ const BROWN_OUT_LEVEL: u8 = 39;
 /// The detector is first turned on without an action: if it sees a low supply already, resetting
 /// would go round in circles, and two resets within half a second strand the board in its
 /// bootloader.
-pub(super) fn watch_supply(sysctrl: &pac::Sysctrl) {
+pub(crate) fn watch_supply(sysctrl: &pac::Sysctrl) {
     /// The detector runs from a 32 kHz clock: some cycles of it, many times over.
     const LIMIT_US: u64 = 2_000;
     let write = |enable: bool, reset: bool| {
@@ -123,7 +157,7 @@ pub(super) fn watch_supply(sysctrl: &pac::Sysctrl) {
 }
 
 /// Oscillators and the brown-out detector, once start-up is over.
-pub(super) fn sysctrl() -> &'static pac::sysctrl::RegisterBlock {
+pub(crate) fn sysctrl() -> &'static pac::sysctrl::RegisterBlock {
     // SAFETY: always mapped; only this module and its check touch it then.
     unsafe { &*pac::Sysctrl::ptr() }
 }

@@ -24,7 +24,7 @@ unsafe extern "C" {
 }
 
 /// Paint what the stack has not used yet.
-pub(super) fn paint() {
+pub(crate) fn paint() {
     let mut word = addr_of_mut!(_stack_end);
     let top = (cortex_m::register::msp::read() as usize - MARGIN) as *mut u32;
     while word < top {
@@ -38,7 +38,7 @@ pub(super) fn paint() {
 }
 
 /// Stops if the stack has reached the statics.
-pub(super) fn check() {
+pub(crate) fn check() {
     let lowest = addr_of_mut!(_stack_end);
     // SAFETY: the words are RAM above the statics.
     let untouched =

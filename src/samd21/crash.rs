@@ -105,7 +105,7 @@ fn seal(first: u32, second: u32) -> u32 {
 }
 
 /// How the last run ended: the record, if the reset was not a power-on, else the reset's own cause.
-pub(super) fn report(pm: &pac::Pm) -> Option<Crash> {
+pub(crate) fn report(pm: &pac::Pm) -> Option<Crash> {
     let cause = pm.rcause().read();
     let recorded = Record::take().crash();
     if cause.por().bit_is_set() {
@@ -141,7 +141,7 @@ fn end(kind: u32, detail: u32) -> ! {
 /// The program hangs: the watchdog has warned, and nobody has fed it since.
 #[cold]
 #[inline(never)]
-pub(super) fn stop_hanging() -> ! {
+pub(crate) fn stop_hanging() -> ! {
     end(HANG, 0)
 }
 
@@ -157,7 +157,7 @@ pub(crate) fn stop(check: SelfCheck) -> ! {
 /// that the sound image had worked out, unless the damage has made another clock of the timer's.
 #[cold]
 #[inline(never)]
-pub(super) fn refuse_to_start(check: SelfCheck) -> ! {
+pub(crate) fn refuse_to_start(check: SelfCheck) -> ! {
     let kept = KeptNeutral::read().filter(|_| clock_check::is_as_meant());
     if let Some(counts) = kept {
         frame::send_alone(counts);
@@ -177,14 +177,14 @@ pub(super) fn refuse_to_start(check: SelfCheck) -> ! {
 /// the [`Record`] is.
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub(super) struct KeptNeutral {
+pub(crate) struct KeptNeutral {
     counts: [u32; Axis::COUNT],
     seal: u32,
 }
 
 impl KeptNeutral {
     /// Keeps them.
-    pub(super) fn store(counts: [u32; Axis::COUNT]) {
+    pub(crate) fn store(counts: [u32; Axis::COUNT]) {
         let [first, second] = counts;
         let kept = Self {
             counts,
@@ -215,7 +215,7 @@ const STARTS_MAX: u32 = 4;
 
 /// The program starts. What ends it before it works, a bit that has flipped in the code of its
 /// start, does so again and again.
-pub(super) fn count_start(pm: &pac::Pm) {
+pub(crate) fn count_start(pm: &pac::Pm) {
     let cause = pm.rcause().read();
     // SAFETY: as in `Record::take`.
     let kept = unsafe { addr_of_mut!(_starts).read_volatile() };
@@ -233,7 +233,7 @@ pub(super) fn count_start(pm: &pac::Pm) {
 }
 
 /// The loop works.
-pub(super) fn has_started() {
+pub(crate) fn has_started() {
     keep_starts(0);
 }
 

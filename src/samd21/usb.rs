@@ -16,20 +16,19 @@ use atsamd_hal::pac::{NVIC, interrupt};
 use atsamd_hal::serial_number;
 use tvc_imu::Micros;
 use tvc_nano::application::{self, PACKET_BYTES};
+use tvc_nano::bringup::words::{ARDUINO, BOOTLOADER_END};
 use tvc_nano::telemetry::Reset;
 use tvc_nano::usb::{self, Device, descriptors};
 
 use controller::Usb;
-pub(super) use controller::point_at_banks;
+pub(crate) use controller::point_at_banks;
 
-use super::nano33iot::{
-    BOOTLOADER_FLASH, BOOTLOADER_MAGIC, BOOTLOADER_WORD, USB_PRODUCT, USB_VENDOR,
-};
 use super::{frame, wake};
+use crate::boards::WIRING;
 
 const _: () = assert!(PACKET_BYTES == usb::PACKET_BYTES);
 
-static DEVICE_DESCRIPTOR: [u8; 18] = descriptors::device(USB_VENDOR, USB_PRODUCT);
+static DEVICE_DESCRIPTOR: [u8; 18] = descriptors::device(WIRING.usb_vendor, WIRING.usb_product);
 
 /// Longest packet that nothing follows: a full one has a continuation for the host, which waits for
 /// it. In whole words, by which packets are copied.
@@ -42,6 +41,9 @@ const TOUCH_BAUD: u32 = 1_200;
 /// From the host's request to the reset, so that it is answered first.
 const RESET_DELAY_US: u64 = 100_000;
 
+/// The word of RAM in which the bootloader looks for a second tap.
+const BOOTLOADER_WORD: *mut u32 = 0x2000_7FFC as *mut u32;
+
 /// The controller has interrupted, and is masked until the device has been polled.
 static PENDING: AtomicBool = AtomicBool::new(false);
 /// The host has taken the newest packet.
@@ -50,7 +52,7 @@ static TAKEN: AtomicBool = AtomicBool::new(false);
 static MORE: AtomicBool = AtomicBool::new(false);
 
 /// The serial port.
-pub(super) struct Port {
+pub(crate) struct Port {
     controller: Usb,
     device: Device,
     polled: Micros,
@@ -65,7 +67,7 @@ pub(super) struct Port {
 
 impl Port {
     /// Attach to the bus.
-    pub(super) fn start(clock: &UsbClock, pm: &mut pac::Pm, registers: pac::Usb) -> Self {
+    pub(crate) fn start(clock: &UsbClock, pm: &mut pac::Pm, registers: pac::Usb) -> Self {
         Self {
             controller: Usb::start(clock, pm, registers),
             device: Device::new(&DEVICE_DESCRIPTOR, serial_number()),
@@ -79,7 +81,7 @@ impl Port {
 
     /// Poll the device if the controller has interrupted, or some time has passed. `armed` refuses
     /// a reset.
-    pub(super) fn poll(&mut self, now: Micros, armed: bool) {
+    pub(crate) fn poll(&mut self, now: Micros, armed: bool) {
         if is_pending() || now.since(self.polled) >= POLL_PERIOD_US {
             self.poll_device(now);
         }
@@ -107,12 +109,12 @@ impl Port {
     }
 
     /// Reset once the host has been answered, unless it is armed by then.
-    pub(super) fn reset_soon(&mut self, now: Micros, reset: Reset) {
+    pub(crate) fn reset_soon(&mut self, now: Micros, reset: Reset) {
         self.reset = Some((now.after(RESET_DELAY_US), reset));
     }
 
     /// What the host says of the port.
-    pub(super) fn port(&self) -> application::Port {
+    pub(crate) fn port(&self) -> application::Port {
         if !self.device.is_configured() {
             application::Port::Absent
         } else if self.device.is_open() {
@@ -123,7 +125,7 @@ impl Port {
     }
 
     /// The host's next packet, empty if there is none.
-    pub(super) fn read(&mut self) -> &[u8] {
+    pub(crate) fn read(&mut self) -> &[u8] {
         if !core::mem::take(&mut self.may_read) {
             return &[];
         }
@@ -132,7 +134,7 @@ impl Port {
     }
 
     /// Hand over as much of `bytes` as there is room for; says how many.
-    pub(super) fn write(&mut self, bytes: &[u8]) -> usize {
+    pub(crate) fn write(&mut self, bytes: &[u8]) -> usize {
         // A packet without data would go out as one.
         if bytes.is_empty() || !TAKEN.load(Ordering::Relaxed) {
             MORE.store(!bytes.is_empty(), Ordering::Relaxed);
@@ -168,7 +170,7 @@ impl Port {
 }
 
 /// Leave a word for the bootloader and reset into it.
-pub(super) fn enter_bootloader() -> ! {
+pub(crate) fn enter_bootloader() -> ! {
     cortex_m::interrupt::disable();
     // SAFETY: RAM above this program's stack (see memory.x), aligned.
     unsafe { BOOTLOADER_WORD.write_volatile(bootloader_magic()) };
@@ -178,18 +180,15 @@ pub(super) fn enter_bootloader() -> ! {
 /// The word that the bootloader of this board looks for: it has it somewhere in its own code. The
 /// first of the list where there is no bootloader.
 fn bootloader_magic() -> u32 {
-    let [usual, other] = BOOTLOADER_MAGIC;
-    let has = |magic| {
-        BOOTLOADER_FLASH.step_by(4).any(|at| {
+    let has = |magic: &&u32| {
+        (0..BOOTLOADER_END as usize).step_by(4).any(|at| {
             // SAFETY: flash, aligned; volatile because the compiler knows nothing of it.
-            unsafe { (at as *const u32).read_volatile() == magic }
+            unsafe { (at as *const u32).read_volatile() == **magic }
         })
     };
-    if !has(usual) && has(other) {
-        other
-    } else {
-        usual
-    }
+    let magic = WIRING.bootloader_magic;
+    let found = magic.iter().find(has).or(magic.first());
+    found.copied().unwrap_or(ARDUINO)
 }
 
 /// Whether the controller has interrupted since the device was polled.
@@ -199,7 +198,7 @@ fn is_pending() -> bool {
 
 /// Whether the port has something to do: the device is to be polled, or the next packet may be
 /// written.
-pub(super) fn needs_care() -> bool {
+pub(crate) fn needs_care() -> bool {
     is_pending() || MORE.load(Ordering::Relaxed) && TAKEN.load(Ordering::Relaxed)
 }
 

@@ -5,8 +5,8 @@
 //! clock line held low cannot be. Bounded: half a millisecond for a clock that is being stretched,
 //! then 0.2 ms.
 
-use crate::board::pin::Pin;
-use crate::board::time::delay_us;
+use crate::samd21::pin::Pin;
+use crate::samd21::time::delay_us;
 
 /// Half a clock period, for 100 kHz.
 const HALF_US: u32 = 5;

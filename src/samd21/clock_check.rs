@@ -5,13 +5,14 @@ use atsamd_hal::pac;
 use tvc_nano::SelfCheck;
 
 use super::clocks::{set_dfll as set, sysctrl};
+use super::i2c;
 use super::time::soon;
 
 /// Generators of GCLK: the processor's and its peripherals', that of the DFLL's reference, and the
 /// watchdog's.
 const GENERATORS: [u8; 3] = [0, 1, 4];
 /// CLKCTRL.ID of the watchdog, USB, the sensor bus and the servo's timer.
-const CLOCKS: [u8; 4] = [0x03, 0x06, 0x18, 0x1A];
+const CLOCKS: [u8; 4] = [0x03, 0x06, i2c::CLOCK_ID, 0x1A];
 
 /// GCLK's registers that stand for all clocks or generators: a byte that is written to one selects
 /// which it shows. The PAC's writers know no other than by its name.
@@ -33,7 +34,7 @@ const COARSE_WITHOUT: u8 = 0x1F;
 const FINE_JUMP: u16 = 200;
 
 /// What start-up has left.
-pub(super) struct ClockCheck {
+pub(crate) struct ClockCheck {
     dividers: u32,
     /// AHBMASK and APBxMASK.
     buses: [u32; 4],
@@ -79,7 +80,7 @@ impl Generator {
 
 impl ClockCheck {
     /// What is set now.
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             dividers: dividers(),
             buses: buses(),
@@ -99,7 +100,7 @@ impl ClockCheck {
     /// # Errors
     /// What only a reset puts right: the DFLL runs at a frequency of its own, or the brown-out
     /// detector is not as it was set.
-    pub(super) fn put_right(&mut self) -> Result<(), SelfCheck> {
+    pub(crate) fn put_right(&mut self) -> Result<(), SelfCheck> {
         if dividers() != self.dividers {
             // SAFETY: as it was.
             unsafe { DIVIDERS.write_volatile(self.dividers) };
@@ -168,7 +169,7 @@ impl ClockCheck {
 /// Whether processor and timer run at 48 MHz as far as registers tell: what a start with a damaged
 /// image has set up may be wrong itself. The DFLL has its COARSE, and generator 0 takes it
 /// undivided. The calibration is read by code of its own, since the HAL's may be what is damaged.
-pub(super) fn is_as_meant() -> bool {
+pub(crate) fn is_as_meant() -> bool {
     /// GENCTRL's SRC for the DFLL, with GENEN, and the bits of both and of DIVSEL.
     const FROM_DFLL: u32 = 7 << 8 | 1 << 16;
     const SOURCE_BITS: u32 = 0x1F << 8 | 1 << 16 | 1 << 20;

@@ -11,17 +11,17 @@ use critical_section::CriticalSection;
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
 /// Have the main loop look round.
-pub(super) fn request() {
+pub(crate) fn request() {
     REQUESTED.store(true, Ordering::Relaxed);
 }
 
 /// Whether it is asked to.
-pub(super) fn is_requested() -> bool {
+pub(crate) fn is_requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
 }
 
 /// Whether it has been asked to since it was last told so.
-pub(super) fn take(_held: CriticalSection) -> bool {
+pub(crate) fn take(_held: CriticalSection) -> bool {
     // A plain load and store are enough while interrupts are held off, and all that the core has.
     let requested = REQUESTED.load(Ordering::Relaxed);
     if requested {

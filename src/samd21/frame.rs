@@ -14,20 +14,22 @@ use core::cell::Cell;
 use core::ops::RangeInclusive;
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
+use atsamd_hal::clock::Tcc0Tcc1Clock;
+use atsamd_hal::pac;
+use atsamd_hal::pac::interrupt;
 use cortex_m::peripheral::SCB;
 use critical_section::Mutex;
-use tvc_imu::Micros;
 use tvc_nano::config::{PULSE_MAX_US, PULSE_MIN_US};
+use tvc_nano::sampling::Tick;
 use tvc_nano::servo::PulseUs;
 use tvc_nano::ticks::{TickPlan, TimerPlan, Timing};
 use tvc_nano::{Axis, SelfCheck};
 
-use super::nano33iot::{
-    Channel, EARLY_TICK_CHANNEL, FrameClock, LAST_TICK_CHANNEL, SERVO_CHANNELS, SERVO_FUNCTION,
-    SERVOS, clock_frame_again, frame_registers, on_frame_interrupt,
-};
+use super::clocks::clock_frame_again;
 use super::time::{self, now, soon};
+use super::wiring::Output;
 use super::{crash, i2c, watchdog};
+use crate::boards::WIRING;
 
 /// Timer counts in a microsecond: 48 MHz / 16.
 const COUNTS_PER_US: u32 = 3;
@@ -36,15 +38,34 @@ const COUNTS_PER_US: u32 = 3;
 const PULSE_COUNTS: RangeInclusive<u32> =
     COUNTS_PER_US * PULSE_MIN_US as u32..=COUNTS_PER_US * PULSE_MAX_US as u32;
 
+/// Compare channels of the timer.
+pub(crate) const CHANNELS: usize = 4;
+/// Those of the servos.
+const SERVO_CHANNELS: [usize; Axis::COUNT] = {
+    let [first, second] = WIRING.servos;
+    [first.channel, second.channel]
+};
+/// The channel, of those that end no pulse, that makes the last tick of a frame.
+const LAST_TICK_CHANNEL: usize = {
+    let [first, second] = SERVO_CHANNELS;
+    let mut channel = CHANNELS - 1;
+    while channel == first || channel == second {
+        channel -= 1;
+    }
+    channel
+};
+/// The other one, for the ticks before it, one after the other.
+const EARLY_TICK_CHANNEL: usize =
+    CHANNELS * (CHANNELS - 1) / 2 - SERVO_CHANNELS[0] - SERVO_CHANNELS[1] - LAST_TICK_CHANNEL;
+
 /// STATUS.CCBVx of the servos' channels.
-const BUFFERS_ARE_FULL: u32 =
-    1 << (16 + SERVO_CHANNELS[0] as u32) | 1 << (16 + SERVO_CHANNELS[1] as u32);
+const BUFFERS_ARE_FULL: u32 = 1 << (16 + SERVO_CHANNELS[0]) | 1 << (16 + SERVO_CHANNELS[1]);
 /// INTFLAG.OVF: the frame begins.
 const OVERFLOW: u32 = 1;
 /// INTFLAG.MCx of the ticks.
-const LAST: u32 = 1 << (16 + LAST_TICK_CHANNEL as u32);
+const LAST: u32 = 1 << (16 + LAST_TICK_CHANNEL);
 /// See [`LAST`].
-const EARLY: u32 = 1 << (16 + EARLY_TICK_CHANNEL as u32);
+const EARLY: u32 = 1 << (16 + EARLY_TICK_CHANNEL);
 
 /// The pulses that [`force_neutral`] sends, in counts; 0 until the firmware has said what neutral
 /// is, and for an axis that has never been steered.
@@ -52,7 +73,7 @@ static NEUTRAL: [AtomicU32; Axis::COUNT] = [AtomicU32::new(0), AtomicU32::new(0)
 /// The same as they are [kept](crash::KeptNeutral) over a reset.
 static KEPT: [AtomicU32; Axis::COUNT] = [AtomicU32::new(0), AtomicU32::new(0)];
 /// What was written to each compare channel's buffer last, in counts.
-static SENT: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
+static SENT: [AtomicU32; CHANNELS] = [const { AtomicU32::new(0) }; CHANNELS];
 /// The frame has begun to run and the timer may be touched from anywhere.
 static RUNNING: AtomicBool = AtomicBool::new(false);
 /// A tick comes every so many frames.
@@ -74,19 +95,8 @@ static IS_SPLIT: AtomicBool = AtomicBool::new(false);
 /// The newest tick that the main loop has not seen.
 static TICK: Mutex<Cell<Option<Tick>>> = Mutex::new(Cell::new(None));
 
-/// A tick.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Tick {
-    /// When it came.
-    pub(super) at: Micros,
-    /// The next pulse carries its step.
-    pub(super) is_carried: bool,
-    /// Its burst reads the rates alone.
-    pub(super) alone: bool,
-}
-
 /// The running frame.
-pub(super) struct Frame {
+pub(crate) struct Frame {
     timing: Timing,
     plan: TimerPlan,
     /// CTRLA and WAVE as they were set.
@@ -97,8 +107,8 @@ pub(super) struct Frame {
 
 impl Frame {
     /// Start the frame. The first, 20 ms long, is without a pulse; `neutral` follows.
-    pub(super) fn start(
-        _clock: &FrameClock,
+    pub(crate) fn start(
+        _clock: &Tcc0Tcc1Clock,
         neutral: [PulseUs; Axis::COUNT],
         timing: Timing,
     ) -> Self {
@@ -114,13 +124,11 @@ impl Frame {
         unsafe {
             timer.per().write(|w| w.bits(plan.period - 1));
             for channel in SERVO_CHANNELS {
-                timer.cc(channel as usize).write(|w| w.bits(0));
+                timer.cc(channel % CHANNELS).write(|w| w.bits(0));
             }
             let [last, _, first] = plan.ticks;
-            timer.cc(LAST_TICK_CHANNEL as usize).write(|w| w.bits(last));
-            timer
-                .cc(EARLY_TICK_CHANNEL as usize)
-                .write(|w| w.bits(first));
+            timer.cc(LAST_TICK_CHANNEL).write(|w| w.bits(last));
+            timer.cc(EARLY_TICK_CHANNEL).write(|w| w.bits(first));
         }
         ready &= soon(|| timer.syncbusy().read().bits() == 0);
         announce(&plan, &timing);
@@ -149,11 +157,16 @@ impl Frame {
     /// never without: a servo whose axis is steered no more is kept at neutral, where without
     /// pulses it would stay as it was.
     #[must_use]
-    pub(super) fn write(&mut self, pulses: [PulseUs; Axis::COUNT]) -> bool {
+    pub(crate) fn write(&mut self, pulses: [PulseUs; Axis::COUNT]) -> bool {
         let steered = pulses.iter().take_while(|pulse| **pulse != PulseUs::NONE);
-        for servo in SERVOS.iter().take(steered.count()).skip(self.connected) {
-            servo.low();
-            servo.connect(SERVO_FUNCTION);
+        for servo in WIRING
+            .servos
+            .iter()
+            .take(steered.count())
+            .skip(self.connected)
+        {
+            servo.pin.low();
+            servo.pin.connect(servo.function);
             self.connected += 1;
         }
         if watchdog::has_warned() {
@@ -171,16 +184,16 @@ impl Frame {
     }
 
     /// Give the timer its servos' pins once more, should a register have lost them.
-    pub(super) fn connect_again(&self) {
-        for servo in SERVOS.iter().take(self.connected) {
-            servo.connect(SERVO_FUNCTION);
+    pub(crate) fn connect_again(&self) {
+        for servo in WIRING.servos.iter().take(self.connected) {
+            servo.pin.connect(servo.function);
         }
     }
 
     /// Whether the timer is as it was set: it runs, at its rate and in its mode, with its ticks,
     /// and sends the pulses that it was given last. Interrupts are held off for some 3 us: they set
     /// the early ticks, and neutral pulses, between one look and the next.
-    pub(super) fn is_as_set(&self) -> bool {
+    pub(crate) fn is_as_set(&self) -> bool {
         critical_section::with(|_| self.is_undisturbed_as_set())
     }
 
@@ -200,12 +213,12 @@ impl Frame {
             | u32::from(timer.patt().read().bits())
             | u32::from(timer.ctrlbset().read().bits())
             | buffers & DISTURBED;
-        let is = |channel: Channel, counts: u32| {
-            let waits = buffers & 1 << (16 + channel as u32) != 0;
-            waits || timer.cc(channel as usize).read().bits() == counts
+        let is = |channel: usize, counts: u32| {
+            let waits = buffers & 1 << (16 + channel) != 0;
+            waits || timer.cc(channel % CHANNELS).read().bits() == counts
         };
         let is_sent = SERVO_CHANNELS.iter().take(self.connected).all(|channel| {
-            let sent = SENT.get(*channel as usize);
+            let sent = SENT.get(*channel);
             sent.is_none_or(|sent| is(*channel, sent.load(Ordering::Relaxed)))
         });
         let [last, ..] = self.plan.ticks;
@@ -222,29 +235,29 @@ impl Frame {
     }
 
     /// Whether the timer has the pins of all servos.
-    pub(super) fn has_every_pin(&self) -> bool {
+    pub(crate) fn has_every_pin(&self) -> bool {
         self.connected == Axis::COUNT
     }
 
     /// Whether the pulses written last have gone from the buffers to the pins.
-    pub(super) fn is_sent(&self) -> bool {
+    pub(crate) fn is_sent(&self) -> bool {
         frame_registers().status().read().bits() & BUFFERS_ARE_FULL == 0
     }
 
     /// What the ticks are made for.
-    pub(super) fn timing(&self) -> &Timing {
+    pub(crate) fn timing(&self) -> &Timing {
         &self.timing
     }
 
     /// Time from tick to tick.
-    pub(super) fn tick_period_us(&self) -> u32 {
+    pub(crate) fn tick_period_us(&self) -> u32 {
         self.plan.tick_period_us
     }
 
     /// Change frame rate and tick lead from the next frame on, all at once, so that no pulse is cut
     /// short. `false` if the timer did not take it.
     #[must_use]
-    pub(super) fn retime(&mut self, timing: Timing) -> bool {
+    pub(crate) fn retime(&mut self, timing: Timing) -> bool {
         if timing == self.timing {
             return true;
         }
@@ -257,12 +270,8 @@ impl Frame {
         unsafe {
             timer.perb().write(|w| w.bits(plan.period - 1));
             let [last, _, first] = plan.ticks;
-            timer
-                .ccb(LAST_TICK_CHANNEL as usize)
-                .write(|w| w.bits(last));
-            timer
-                .ccb(EARLY_TICK_CHANNEL as usize)
-                .write(|w| w.bits(first));
+            timer.ccb(LAST_TICK_CHANNEL).write(|w| w.bits(last));
+            timer.ccb(EARLY_TICK_CHANNEL).write(|w| w.bits(first));
         }
         ready &= soon(|| timer.syncbusy().read().bits() == 0);
         timer.ctrlbclr().write(|w| w.lupd().set_bit());
@@ -310,7 +319,7 @@ fn reset() -> bool {
 /// Send these pulses, in counts, 50 times a second without a tick: for an image that is not to do
 /// more. Widths that no servo answers to send no pulse. The code that sets the timer up may be
 /// damaged: the pulses go out only if the timer's registers read back as meant.
-pub(super) fn send_alone(counts: [u32; Axis::COUNT]) {
+pub(crate) fn send_alone(counts: [u32; Axis::COUNT]) {
     const LAST_COUNT: u32 = COUNTS_PER_US * 20_000 - 1;
     let timer = frame_registers();
     let mut is_right = reset();
@@ -320,7 +329,7 @@ pub(super) fn send_alone(counts: [u32; Axis::COUNT]) {
     for (channel, counts) in SERVO_CHANNELS.into_iter().zip(counts) {
         // SAFETY: as above.
         timer
-            .cc(channel as usize)
+            .cc(channel % CHANNELS)
             .write(|w| unsafe { w.bits(counts & 0xFFFF) });
     }
     is_right &= soon(|| timer.syncbusy().read().bits() == 0);
@@ -334,11 +343,11 @@ pub(super) fn send_alone(counts: [u32; Axis::COUNT]) {
     is_right &= timer.per().read().bits() == LAST_COUNT;
     // The servos come in between two pulses, of which none is cut short.
     time::delay_us(10_000);
-    for ((servo, channel), counts) in SERVOS.iter().zip(SERVO_CHANNELS).zip(counts) {
+    for ((servo, channel), counts) in WIRING.servos.iter().zip(SERVO_CHANNELS).zip(counts) {
         let is_pulse = PULSE_COUNTS.contains(&counts);
-        if is_right && is_pulse && timer.cc(channel as usize).read().bits() == counts {
-            servo.low();
-            servo.connect(SERVO_FUNCTION);
+        if is_right && is_pulse && timer.cc(channel % CHANNELS).read().bits() == counts {
+            servo.pin.low();
+            servo.pin.connect(servo.function);
         }
     }
 }
@@ -363,19 +372,19 @@ fn counts(pulse: PulseUs) -> u32 {
     COUNTS_PER_US * u32::from(pulse.0)
 }
 
-fn write_buffer(channel: Channel, counts: u32) -> bool {
+fn write_buffer(channel: usize, counts: u32) -> bool {
     let timer = frame_registers();
     // SYNCBUSY.CCBx.
-    let synchronises = 1 << (19 + channel as u32);
+    let synchronises = 1 << (19 + channel);
     let ready = soon(|| timer.syncbusy().read().bits() & synchronises == 0);
     if ready {
         // Both or neither: the watchdog's early warning may write them, too.
         critical_section::with(|_| {
             // SAFETY: a pulse is at most 65,535 us, 196,605 counts; the register has 24 bits.
             timer
-                .ccb(channel as usize)
+                .ccb(channel % CHANNELS)
                 .write(|w| unsafe { w.bits(counts) });
-            if let Some(sent) = SENT.get(channel as usize) {
+            if let Some(sent) = SENT.get(channel) {
                 sent.store(counts, Ordering::Relaxed);
             }
         });
@@ -386,7 +395,7 @@ fn write_buffer(channel: Channel, counts: u32) -> bool {
 /// What [`force_neutral`] sends. An axis that is steered no more keeps what it had. What a start
 /// with a damaged image would send is kept while the vehicle is not armed: in flight the damage may
 /// be what has made other pulses of them.
-pub(super) fn set_neutral(pulses: [PulseUs; Axis::COUNT], is_armed: bool) {
+pub(crate) fn set_neutral(pulses: [PulseUs; Axis::COUNT], is_armed: bool) {
     let before = NEUTRAL
         .each_ref()
         .map(|place| place.load(Ordering::Relaxed));
@@ -410,7 +419,7 @@ pub(super) fn set_neutral(pulses: [PulseUs; Axis::COUNT], is_armed: bool) {
 }
 
 /// Send the neutral pulses, whoever calls and whatever the main loop was doing.
-pub(super) fn force_neutral() {
+pub(crate) fn force_neutral() {
     if RUNNING.load(Ordering::Acquire) {
         let timer = frame_registers();
         // A change of the frame rate may have been cut short.
@@ -442,19 +451,19 @@ fn begins() -> bool {
 }
 
 /// Wait until all pulses of a frame are over, so that a reset cuts none: 23 ms at most.
-pub(super) fn wait_for_gap() {
+pub(crate) fn wait_for_gap() {
     let _ = begins();
     time::delay_us(LONGEST_PULSE_US);
 }
 
 /// Neutral pulses to the end of this run, from a timer that may be `broken`: one that is, or that
 /// begins no frame, is set up anew, and has the servos' pins only between two pulses.
-pub(super) fn end_in_neutral(broken: bool) {
+pub(crate) fn end_in_neutral(broken: bool) {
     if RUNNING.load(Ordering::Acquire) && (broken || !begins()) {
-        for servo in SERVOS {
-            let _ = within_frame(|| !servo.is_high());
-            servo.low();
-            servo.gpio();
+        for Output { pin, .. } in WIRING.servos {
+            let _ = within_frame(|| !pin.is_high());
+            pin.low();
+            pin.gpio();
         }
         clock_frame_again();
         send_alone(
@@ -466,7 +475,7 @@ pub(super) fn end_in_neutral(broken: bool) {
 }
 
 /// Reset the chip, between two pulses where there are any.
-pub(super) fn reset_in_gap() -> ! {
+pub(crate) fn reset_in_gap() -> ! {
     if RUNNING.load(Ordering::Acquire) {
         wait_for_gap();
     }
@@ -474,17 +483,21 @@ pub(super) fn reset_in_gap() -> ! {
 }
 
 /// The newest tick, once.
-pub(super) fn take_tick() -> Option<Tick> {
+pub(crate) fn take_tick() -> Option<Tick> {
     critical_section::with(|cs| {
         time::seen(cs);
         TICK.borrow(cs).take()
     })
 }
 
-on_frame_interrupt!(matched);
+fn frame_registers() -> &'static pac::tcc0::RegisterBlock {
+    // SAFETY: the block is always mapped; this module alone uses it.
+    unsafe { &*pac::Tcc0::ptr() }
+}
 
 /// A compare channel has matched: start the burst, tell the main loop.
-fn matched() {
+#[interrupt]
+fn TCC0() {
     let timer = frame_registers();
     let pending = timer.intflag().read().bits() & timer.intenset().read().bits();
     // SAFETY: clears what has been seen.
@@ -493,12 +506,12 @@ fn matched() {
     // The next tick of the channel that two of them share.
     let next = EARLY_TICKS.get(usize::from(!last));
     if let Some(next) = next
-        && soon(|| timer.syncbusy().read().bits() & 1 << (8 + EARLY_TICK_CHANNEL as u32) == 0)
+        && soon(|| timer.syncbusy().read().bits() & 1 << (8 + EARLY_TICK_CHANNEL) == 0)
     {
         let tick = next.load(Ordering::Relaxed);
         // SAFETY: less than the counter's 24 bits hold.
         timer
-            .cc(EARLY_TICK_CHANNEL as usize)
+            .cc(EARLY_TICK_CHANNEL)
             .write(|w| unsafe { w.bits(tick) });
     }
     let frames = FRAMES.load(Ordering::Relaxed) + u8::from(last);

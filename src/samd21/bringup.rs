@@ -6,15 +6,19 @@ use tvc_nano::bringup::{Order, Pulse, What, is_readable};
 
 use super::crash;
 use super::i2c::Bus;
-use super::nano33iot::FEEDBACK;
+use super::pin::Pin;
 use super::time::now;
+use crate::boards::WIRING;
+
+/// Where the servo's signal is timed: at the second servo's pin.
+const FEEDBACK: Pin = WIRING.servos[1].pin;
 
 /// A little longer than the longest servo frame, us.
 const FRAME_US: u32 = 22_000;
 
 /// Does what is ordered and gives the answer's value; `None` for what there is not. No servo's
 /// signal is timed where D2 is a servo's itself.
-pub(super) fn obey(order: Order, bus: &Bus, d2_is_servo: bool) -> Option<u32> {
+pub(crate) fn obey(order: Order, bus: &Bus, d2_is_servo: bool) -> Option<u32> {
     const PEEK: u8 = What::Peek as u8;
     const HANG: u8 = What::Hang as u8;
     const FAIL_CHECK: u8 = What::FailCheck as u8;

@@ -56,7 +56,7 @@ impl Flash {
     /// Take the controller over. From here on it writes only on command: as it comes out of reset,
     /// filling the page buffer's last word would write it, and a stray pointer would write flash
     /// (errata, 1.14.1).
-    pub(super) fn new(controller: pac::Nvmctrl) -> Self {
+    pub(crate) fn new(controller: pac::Nvmctrl) -> Self {
         controller.ctrlb().modify(|_, w| w.manw().set_bit());
         Self { controller }
     }

@@ -13,11 +13,12 @@ use core::sync::atomic::{Ordering, compiler_fence};
 
 use atsamd_hal::calibration::{usb_transn_cal, usb_transp_cal, usb_trim_cal};
 use atsamd_hal::clock::UsbClock;
+use atsamd_hal::gpio::{DynAlternate, PA24, PA25};
 use atsamd_hal::pac;
 use tvc_nano::usb::{self, Device, Endpoint, PACKET_BYTES};
 
-use crate::board::nano33iot::{USB_FUNCTION, USB_PADS};
-use crate::board::time::soon;
+use crate::samd21::pin::Pin;
+use crate::samd21::time::soon;
 
 /// A bank's descriptor (data sheet 32.8.4). The last two words are for what is not used here.
 #[repr(C)]
@@ -116,8 +117,8 @@ impl Usb {
     /// Switch the controller on, and show the host that there is a device.
     pub(super) fn start(_clock: &UsbClock, pm: &mut pac::Pm, _registers: pac::Usb) -> Self {
         pm.apbbmask().modify(|_, w| w.usb_().set_bit());
-        for pad in USB_PADS {
-            pad.connect(USB_FUNCTION);
+        for pad in [Pin::of::<PA24>(), Pin::of::<PA25>()] {
+            pad.connect(DynAlternate::G);
         }
         let usb = registers();
         usb.ctrla().write(|w| w.swrst().set_bit());
@@ -294,7 +295,7 @@ impl Usb {
 
 /// Tell the controller where the banks' descriptors are, should a register have lost that: it would
 /// take other memory for them, and write there.
-pub(in crate::board) fn point_at_banks() {
+pub(crate) fn point_at_banks() {
     let place = registers().descadd();
     let banks = SHARED.0.get() as u32;
     if place.read().bits() != banks {

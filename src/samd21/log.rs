@@ -4,7 +4,7 @@
 use tvc_nano::failsafe::{BootReport, State};
 
 /// The board is up.
-pub(super) fn started(report: &BootReport) {
+pub(crate) fn started(report: &BootReport) {
     #[cfg(feature = "probe")]
     match &report.crash {
         Some(crash) => defmt::error!("after {}", defmt::Display2Format(crash)),
@@ -15,7 +15,7 @@ pub(super) fn started(report: &BootReport) {
 }
 
 /// The flight has changed its state.
-pub(super) fn state(state: &State) {
+pub(crate) fn state(state: &State) {
     #[cfg(feature = "probe")]
     defmt::info!("{}", defmt::Display2Format(state));
     #[cfg(not(feature = "probe"))]
@@ -23,7 +23,7 @@ pub(super) fn state(state: &State) {
 }
 
 /// The sensor bus had to be repaired, this many times so far.
-pub(super) fn bus_repaired(count: u16) {
+pub(crate) fn bus_repaired(count: u16) {
     #[cfg(feature = "probe")]
     defmt::warn!("sensor bus repaired, {} times", count);
     #[cfg(not(feature = "probe"))]

@@ -17,7 +17,7 @@ use tvc_nano::sleep::{TIMER_PERIOD_US, may_sleep};
 use super::{wake, watchdog};
 
 /// CPU clock cycles in a microsecond.
-pub(super) const CYCLES_PER_US: u32 = 48;
+pub(crate) const CYCLES_PER_US: u32 = 48;
 const CYCLES_PER_MS: u32 = 1_000 * CYCLES_PER_US;
 
 /// Microseconds up to the last SysTick interrupt.
@@ -30,7 +30,7 @@ static ALARM: Mutex<Cell<Micros>> = Mutex::new(Cell::new(Micros(0)));
 static UNSEEN: Mutex<Cell<bool>> = Mutex::new(Cell::new(false));
 
 /// Start the clock at zero.
-pub(super) fn start(syst: &mut SYST) {
+pub(crate) fn start(syst: &mut SYST) {
     syst.set_clock_source(SystClkSource::Core);
     syst.set_reload(CYCLES_PER_MS - 1);
     syst.clear_current();
@@ -39,7 +39,7 @@ pub(super) fn start(syst: &mut SYST) {
 }
 
 /// Start it again should a register of it have changed; what it counts from there on is right.
-pub(super) fn keep_running() {
+pub(crate) fn keep_running() {
     // SAFETY: the clock is this module's.
     let mut syst = unsafe { cortex_m::Peripherals::steal().SYST };
     let is_running = syst.is_counter_enabled() && syst.is_interrupt_enabled();
@@ -49,12 +49,12 @@ pub(super) fn keep_running() {
 }
 
 /// The time.
-pub(super) fn now() -> Micros {
+pub(crate) fn now() -> Micros {
     critical_section::with(now_within)
 }
 
 /// The time, for whoever holds interrupts off already.
-pub(super) fn now_within(cs: CriticalSection) -> Micros {
+pub(crate) fn now_within(cs: CriticalSection) -> Micros {
     let before = SYST::get_current();
     let (whole, count) = if SCB::is_pendst_pending() {
         // The counter has come round, perhaps since `before` was read.
@@ -68,7 +68,7 @@ pub(super) fn now_within(cs: CriticalSection) -> Micros {
 /// Sleep until an interrupt [asks](wake::request) for the main loop, or `turn` [is near](is_near),
 /// or `deadline` has come. Gives the time then, and for how many cycles the core slept: less than a
 /// period of SysTick before the deadline it stays awake, since nothing would wake it in time.
-pub(super) fn sleep_until(deadline: Micros, turn: Micros) -> (Micros, u32) {
+pub(crate) fn sleep_until(deadline: Micros, turn: Micros) -> (Micros, u32) {
     let end = deadline.min(turn);
     let (is_unseen, is_turn, is_last) = critical_section::with(|cs| {
         ALARM.borrow(cs).set(end);
@@ -111,7 +111,7 @@ pub(super) fn sleep_until(deadline: Micros, turn: Micros) -> (Micros, u32) {
 
 /// Have SysTick [ask](wake::request) for the main loop before `deadline`, unless something else
 /// does so earlier.
-pub(super) fn wake_before(deadline: Micros) {
+pub(crate) fn wake_before(deadline: Micros) {
     critical_section::with(|cs| {
         let alarm = ALARM.borrow(cs);
         alarm.set(alarm.get().min(deadline));
@@ -120,12 +120,12 @@ pub(super) fn wake_before(deadline: Micros) {
 }
 
 /// What the interrupt had to say has been read.
-pub(super) fn seen(cs: CriticalSection) {
+pub(crate) fn seen(cs: CriticalSection) {
     UNSEEN.borrow(cs).set(false);
 }
 
 /// Whether `turn` comes before the next interrupt of SysTick.
-pub(super) fn is_near(turn: Micros) -> bool {
+pub(crate) fn is_near(turn: Micros) -> bool {
     critical_section::with(|cs| !may_sleep(Micros(ELAPSED_US.borrow(cs).get()), turn))
 }
 
@@ -162,7 +162,7 @@ const _: () = {
 };
 
 /// Wait, busy, for at least `us`: by the processor's cycles, for where the clock stands still.
-pub(super) fn delay_us(us: u32) {
+pub(crate) fn delay_us(us: u32) {
     /// Cycles of a turn of the library's loop: a subtraction and a branch that is taken.
     const TURN_CYCLES: u32 = 3;
     cortex_m::asm::delay(us * CYCLES_PER_US / TURN_CYCLES);
@@ -173,7 +173,7 @@ pub(super) fn delay_us(us: u32) {
 /// Synchronisation between clock domains takes about six cycles of the slower clock, here 48 MHz
 /// too; where it takes longer than this, the peripheral is broken and its user reports it.
 #[must_use]
-pub(super) fn soon(ready: impl Fn() -> bool) -> bool {
+pub(crate) fn soon(ready: impl Fn() -> bool) -> bool {
     const POLLS: u32 = 500;
     (0..POLLS).any(|_| ready())
 }
@@ -181,7 +181,7 @@ pub(super) fn soon(ready: impl Fn() -> bool) -> bool {
 /// Poll `ready` for `limit_us` at most, for what is slower than [`soon`]; says whether it came
 /// true.
 #[must_use]
-pub(super) fn within(limit_us: u64, ready: impl Fn() -> bool) -> bool {
+pub(crate) fn within(limit_us: u64, ready: impl Fn() -> bool) -> bool {
     let began = now();
     loop {
         if ready() {

@@ -1,0 +1,122 @@
+//! A pin at register level: the sensor bus needs its lines as GPIO and as SERCOM in turn, where the
+//! HAL's pins change their type with each.
+
+use atsamd_hal::gpio::{DynAlternate, DynPinId, PinId};
+use atsamd_hal::pac;
+
+/// PINCFG.PMUXEN: a peripheral has the pin.
+const PERIPHERAL: u8 = 1 << 0;
+/// PINCFG.INEN: its level can be read.
+const INPUT: u8 = 1 << 1;
+/// PINCFG.PULLEN.
+const PULL: u8 = 1 << 2;
+
+/// One pin of the chip.
+#[derive(Clone, Copy)]
+pub(crate) struct Pin(DynPinId);
+
+impl Pin {
+    /// The HAL's pin of this name.
+    pub(crate) const fn of<Id: PinId>() -> Self {
+        Self(Id::DYN)
+    }
+
+    /// Drive it high.
+    #[inline]
+    pub(crate) fn high(self) {
+        // SAFETY: set registers act on the bits written 1 only; every pin has one user.
+        unsafe {
+            port().outset(self.group()).write(|w| w.bits(self.mask()));
+            port().dirset(self.group()).write(|w| w.bits(self.mask()));
+        }
+    }
+
+    /// Drive it low.
+    #[inline]
+    pub(crate) fn low(self) {
+        // SAFETY: as in `high`.
+        unsafe {
+            port().outclr(self.group()).write(|w| w.bits(self.mask()));
+            port().dirset(self.group()).write(|w| w.bits(self.mask()));
+        }
+    }
+
+    /// Stop driving it: a line with a pull-up goes high.
+    #[inline]
+    pub(crate) fn release(self) {
+        // SAFETY: as in `high`.
+        unsafe { port().dirclr(self.group()).write(|w| w.bits(self.mask())) };
+    }
+
+    /// Its level; needs the input buffer that [`gpio`](Self::gpio) and [`connect`](Self::connect)
+    /// turn on.
+    #[inline]
+    pub(crate) fn is_high(self) -> bool {
+        port().in_(self.group()).read().bits() & self.mask() != 0
+    }
+
+    /// Make it a GPIO with its input buffer on; direction and level stay.
+    pub(crate) fn gpio(self) {
+        self.configure(INPUT);
+    }
+
+    /// Give it to a peripheral, its input buffer on.
+    pub(crate) fn connect(self, function: DynAlternate) {
+        let (place, shift) = self.multiplexer();
+        // SAFETY: read-modify-write of a register that two pins share; only the main loop
+        // configures pins.
+        unsafe {
+            let others = place.read_volatile() & !(0xF << shift);
+            place.write_volatile(others | number(function) << shift);
+        }
+        self.configure(INPUT | PERIPHERAL);
+    }
+
+    /// Make it an input that a pull-down holds low, where it has not been driven high before.
+    pub(crate) fn pull_down(self) {
+        self.configure(INPUT | PULL);
+    }
+
+    fn configure(self, config: u8) {
+        // SAFETY: the register is this pin's own.
+        unsafe { self.config().write_volatile(config) };
+    }
+
+    /// Its PMUX, and where its function stands there.
+    const fn multiplexer(self) -> (*mut u8, u32) {
+        let number = self.0.num as usize;
+        (self.byte(0x30 + number / 2), 4 * (number as u32 % 2))
+    }
+
+    /// Its PINCFG.
+    const fn config(self) -> *mut u8 {
+        self.byte(0x40 + self.0.num as usize)
+    }
+
+    /// A byte of its group's registers.
+    const fn byte(self, offset: usize) -> *mut u8 {
+        const GROUP_BYTES: usize = 0x80;
+        let port = pac::Port::ptr().cast::<u8>().cast_mut();
+        port.wrapping_add(self.group() * GROUP_BYTES + offset)
+    }
+
+    const fn mask(self) -> u32 {
+        1 << self.0.num
+    }
+
+    /// The number of its group, of which the compiler sees that it is one of two.
+    const fn group(self) -> usize {
+        self.0.group as usize % 2
+    }
+}
+
+/// What PMUX holds for a peripheral's function (data sheet, table 7-1).
+const fn number(function: DynAlternate) -> u8 {
+    // A, which is not a peripheral's, is missing there.
+    function as u8 + 1
+}
+
+fn port() -> &'static pac::port::RegisterBlock {
+    // SAFETY: the block is always mapped.
+    unsafe { &*pac::Port::ptr() }
+}
