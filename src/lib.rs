@@ -46,6 +46,7 @@ pub mod navigation;
 mod numbered;
 pub mod params;
 pub mod recorder;
+pub mod registers;
 pub mod sampling;
 pub mod self_test;
 pub mod sensor;

@@ -20,8 +20,9 @@ use tvc_nano::telemetry::Reset;
 use tvc_nano::{BoardStatus, SelfCheck};
 
 use crate::boards::WIRING;
-use crate::samd21::clock_check::ClockCheck;
+use crate::samd21::dfll::DfllCheck;
 use crate::samd21::image_check::ImageCheck;
+use crate::samd21::registers::Registers;
 use crate::samd21::{
     bringup, clocks, crash, flash, frame, i2c, interrupts, log, stack, time, usb, watchdog,
 };
@@ -38,7 +39,8 @@ pub(crate) struct Board {
     state_code: u32,
     load: Load,
     image: ImageCheck,
-    clocks: ClockCheck,
+    dfll: DfllCheck,
+    registers: Registers,
     /// Steps, modulo 256.
     steps: u8,
 }
@@ -90,6 +92,7 @@ impl Board {
         let bus = i2c::Bus::start(timing.i2c_khz);
         let port = usb::Port::start(&clocks.usb, &mut chip.pm, chip.usb);
         interrupts::start(&mut core.SCB);
+        guard.settle();
         log::started(&report);
         let now = time::now();
         let board = Self {
@@ -102,7 +105,8 @@ impl Board {
             state_code: u32::MAX,
             load: Load::new(now),
             image,
-            clocks: ClockCheck::new(),
+            dfll: DfllCheck::new(),
+            registers: Registers::new(),
             steps: 0,
         };
         (board, params, report)
@@ -130,15 +134,10 @@ impl Board {
     /// Put right what can be, of the registers that make pulses and interrupts, and stop where
     /// something else is not as it was set.
     fn check_registers(&mut self) {
-        if let Err(check) = self.clocks.put_right() {
+        if let Err(check) = self.dfll.look() {
             crash::stop(check);
         }
-        self.frame.connect_again();
-        self.bus.connect_again();
-        usb::point_at_banks();
-        interrupts::enable_again();
-        time::keep_running();
-        if !self.frame.is_as_set() || !self.guard.is_as_set() {
+        if !self.registers.look() || !self.frame.is_as_set() {
             crash::stop(SelfCheck::Registers);
         }
     }
@@ -217,7 +216,11 @@ impl application::Board for Board {
     fn step_ends(&mut self, end: &StepEnd) {
         // A step that comes just before every edge would never let the loop see the buffer empty.
         self.guard.work.pulse_sent(self.frame.is_sent());
+        let every_pin = self.frame.has_every_pin();
         let taken = self.frame.write(end.pulses);
+        if self.frame.has_every_pin() != every_pin {
+            self.registers.renew_servos();
+        }
         WIRING.probe.low();
         self.check_registers();
         self.guard.work.step_done(taken);

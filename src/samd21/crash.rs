@@ -20,7 +20,7 @@ use atsamd_hal::pac;
 use cortex_m_rt::{ExceptionFrame, exception};
 use tvc_nano::{Axis, Crash, SelfCheck};
 
-use super::{clock_check, frame, time, usb, watchdog};
+use super::{dfll, frame, time, usb, watchdog};
 
 /// Marks a record, and its layout's version.
 const MAGIC: u32 = 0x5456_4334;
@@ -158,7 +158,7 @@ pub(crate) fn stop(check: SelfCheck) -> ! {
 #[cold]
 #[inline(never)]
 pub(crate) fn refuse_to_start(check: SelfCheck) -> ! {
-    let kept = KeptNeutral::read().filter(|_| clock_check::is_as_meant());
+    let kept = KeptNeutral::read().filter(|_| dfll::is_as_meant());
     if let Some(counts) = kept {
         frame::send_alone(counts);
     }

@@ -99,8 +99,6 @@ static TICK: Mutex<Cell<Option<Tick>>> = Mutex::new(Cell::new(None));
 pub(crate) struct Frame {
     timing: Timing,
     plan: TimerPlan,
-    /// CTRLA and WAVE as they were set.
-    modes: [u32; 2],
     /// The timer has the pins of so many servos.
     connected: usize,
 }
@@ -139,7 +137,6 @@ impl Frame {
         let mut frame = Self {
             timing,
             plan,
-            modes: modes(),
             connected: 0,
         };
         RUNNING.store(true, Ordering::Release);
@@ -183,15 +180,8 @@ impl Frame {
         })
     }
 
-    /// Give the timer its servos' pins once more, should a register have lost them.
-    pub(crate) fn connect_again(&self) {
-        for servo in WIRING.servos.iter().take(self.connected) {
-            servo.pin.connect(servo.function);
-        }
-    }
-
-    /// Whether the timer is as it was set: it runs, at its rate and in its mode, with its ticks,
-    /// and sends the pulses that it was given last. Interrupts are held off for some 3 us: they set
+    /// Whether the timer has its ticks as they were set, and sends the pulses that it was given
+    /// last. Interrupts are held off for some 3 us: they set
     /// the early ticks, and neutral pulses, between one look and the next.
     pub(crate) fn is_as_set(&self) -> bool {
         critical_section::with(|_| self.is_undisturbed_as_set())
@@ -200,19 +190,8 @@ impl Frame {
     fn is_undisturbed_as_set(&self) -> bool {
         /// STATUS.PERBV.
         const PERIOD_IS_BUFFERED: u32 = 1 << 7;
-        /// STATUS' STOP, DFS, PATTBV, WAVEBV and the four states of faults.
-        const DISTURBED: u32 = 0xF069;
         let timer = frame_registers();
         let buffers = timer.status().read().bits();
-        // What is never set: faults, output matrix, inversion, events and patterns.
-        let unused = timer.fctrla().read().bits()
-            | timer.fctrlb().read().bits()
-            | timer.wexctrl().read().bits()
-            | timer.drvctrl().read().bits()
-            | timer.evctrl().read().bits()
-            | u32::from(timer.patt().read().bits())
-            | u32::from(timer.ctrlbset().read().bits())
-            | buffers & DISTURBED;
         let is = |channel: usize, counts: u32| {
             let waits = buffers & 1 << (16 + channel) != 0;
             waits || timer.cc(channel % CHANNELS).read().bits() == counts
@@ -224,10 +203,7 @@ impl Frame {
         let [last, ..] = self.plan.ticks;
         let mut early = EARLY_TICKS.iter();
         let enabled = timer.intenset().read().bits();
-        modes() == self.modes
-            && unused == 0
-            && (buffers & PERIOD_IS_BUFFERED != 0
-                || timer.per().read().bits() == self.plan.period - 1)
+        (buffers & PERIOD_IS_BUFFERED != 0 || timer.per().read().bits() == self.plan.period - 1)
             && is(LAST_TICK_CHANNEL, last)
             && early.any(|tick| is(EARLY_TICK_CHANNEL, tick.load(Ordering::Relaxed)))
             && enabled == wanted_interrupts(&self.plan.plan)
@@ -359,12 +335,6 @@ fn wanted_interrupts(plan: &TickPlan) -> u32 {
     } else {
         LAST
     }
-}
-
-/// CTRLA and WAVE.
-fn modes() -> [u32; 2] {
-    let timer = frame_registers();
-    [timer.ctrla().read().bits(), timer.wave().read().bits()]
 }
 
 /// Timer counts of a pulse.

@@ -114,13 +114,6 @@ impl Bus {
         with_master(|master| master.arm(bursts));
     }
 
-    /// Give the peripheral its lines once more, should a register have lost them.
-    pub(crate) fn connect_again(&self) {
-        if self.state() != application::Bus::Broken {
-            self.connect();
-        }
-    }
-
     /// Whether ticks start reads.
     pub(crate) fn is_sampling(&self) -> bool {
         self.sampling

@@ -22,15 +22,10 @@ unsafe impl InterruptNumber for Line {
 pub(crate) fn start(scb: &mut SCB) {
     // SAFETY: set once, before any of them is enabled; critical sections mask all alike.
     unsafe { scb.set_priority(SystemHandler::SysTick, priority(0)) };
-    enable_again();
-    enable::<{ Interrupt::USB as u16 }>(3);
-}
-
-/// Enable those of the flight, also where they are enabled already. USB's is masked now and then.
-pub(crate) fn enable_again() {
     enable::<{ Interrupt::TCC0 as u16 }>(1);
     enable::<{ i2c::INTERRUPT }>(1);
     enable::<{ Interrupt::WDT as u16 }>(0);
+    enable::<{ Interrupt::USB as u16 }>(3);
 }
 
 fn enable<const NUMBER: u16>(level: u8) {

@@ -25,9 +25,9 @@
 //! written so that it cannot.
 
 pub(crate) mod bringup;
-pub(crate) mod clock_check;
 pub(crate) mod clocks;
 pub(crate) mod crash;
+pub(crate) mod dfll;
 pub(crate) mod flash;
 pub(crate) mod frame;
 pub(crate) mod i2c;
@@ -35,6 +35,7 @@ pub(crate) mod image_check;
 pub(crate) mod interrupts;
 pub(crate) mod log;
 mod pin;
+pub(crate) mod registers;
 pub(crate) mod stack;
 pub(crate) mod time;
 pub(crate) mod usb;

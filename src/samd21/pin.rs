@@ -3,6 +3,7 @@
 
 use atsamd_hal::gpio::{DynAlternate, DynPinId, PinId};
 use atsamd_hal::pac;
+use tvc_nano::registers::{Register, Width};
 
 /// PINCFG.PMUXEN: a peripheral has the pin.
 const PERIPHERAL: u8 = 1 << 0;
@@ -62,7 +63,8 @@ impl Pin {
 
     /// Give it to a peripheral, its input buffer on.
     pub(crate) fn connect(self, function: DynAlternate) {
-        let (place, shift) = self.multiplexer();
+        let (at, shift) = self.multiplexer();
+        let place = at as usize as *mut u8;
         // SAFETY: read-modify-write of a register that two pins share; only the main loop
         // configures pins.
         unsafe {
@@ -77,27 +79,33 @@ impl Pin {
         self.configure(INPUT | PULL);
     }
 
+    /// Its function in its PMUX, as a row of the [table](super::registers).
+    pub(crate) const fn function(self) -> Register {
+        let (at, shift) = self.multiplexer();
+        Register::new(at, Width::Byte).bits(0xF << shift)
+    }
+
+    /// Its PINCFG, as such a row.
+    pub(crate) const fn settings(self) -> Register {
+        Register::new(self.at(0x40 + self.0.num as u32), Width::Byte)
+    }
+
     fn configure(self, config: u8) {
         // SAFETY: the register is this pin's own.
-        unsafe { self.config().write_volatile(config) };
+        unsafe { (self.settings().at as usize as *mut u8).write_volatile(config) };
     }
 
     /// Its PMUX, and where its function stands there.
-    const fn multiplexer(self) -> (*mut u8, u32) {
-        let number = self.0.num as usize;
-        (self.byte(0x30 + number / 2), 4 * (number as u32 % 2))
+    const fn multiplexer(self) -> (u32, u32) {
+        let number = self.0.num as u32;
+        (self.at(0x30 + number / 2), 4 * (number % 2))
     }
 
-    /// Its PINCFG.
-    const fn config(self) -> *mut u8 {
-        self.byte(0x40 + self.0.num as usize)
-    }
-
-    /// A byte of its group's registers.
-    const fn byte(self, offset: usize) -> *mut u8 {
-        const GROUP_BYTES: usize = 0x80;
-        let port = pac::Port::ptr().cast::<u8>().cast_mut();
-        port.wrapping_add(self.group() * GROUP_BYTES + offset)
+    /// The address of a register of its group.
+    const fn at(self, offset: u32) -> u32 {
+        const PORT: u32 = 0x4100_4400;
+        const GROUP_BYTES: u32 = 0x80;
+        PORT + self.group() as u32 * GROUP_BYTES + offset
     }
 
     const fn mask(self) -> u32 {

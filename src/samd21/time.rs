@@ -38,16 +38,6 @@ pub(crate) fn start(syst: &mut SYST) {
     syst.enable_counter();
 }
 
-/// Start it again should a register of it have changed; what it counts from there on is right.
-pub(crate) fn keep_running() {
-    // SAFETY: the clock is this module's.
-    let mut syst = unsafe { cortex_m::Peripherals::steal().SYST };
-    let is_running = syst.is_counter_enabled() && syst.is_interrupt_enabled();
-    if !is_running || SYST::get_reload() != CYCLES_PER_MS - 1 {
-        start(&mut syst);
-    }
-}
-
 /// The time.
 pub(crate) fn now() -> Micros {
     critical_section::with(now_within)

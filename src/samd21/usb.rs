@@ -21,7 +21,6 @@ use tvc_nano::telemetry::Reset;
 use tvc_nano::usb::{self, Device, descriptors};
 
 use controller::Usb;
-pub(crate) use controller::point_at_banks;
 
 use super::{frame, wake};
 use crate::boards::WIRING;

@@ -75,24 +75,12 @@ impl WatchdogGuard {
         }
     }
 
-    /// Whether it runs with the times that it was given.
-    pub(crate) fn is_as_set(&self) -> bool {
-        let control = self.watchdog.ctrl().read();
-        let config = self.watchdog.config().read();
-        self.is_synchronising()
-            || control.enable().bit_is_set()
-                && control.wen().bit_is_clear()
-                && config.per().variant() == Some(TIMEOUT)
-                && self.watchdog.ewctrl().read().ewoffset().variant() == Some(EARLY_WARNING)
-                && self.watchdog.intenset().read().ew().bit_is_set()
-    }
-
     fn is_synchronising(&self) -> bool {
         self.watchdog.status().read().syncbusy().bit_is_set()
     }
 
     /// Wait for the write before, for a bounded time; the feeding looks at the flag again.
-    fn settle(&self) {
+    pub(crate) fn settle(&self) {
         let _ = within(SYNC_LIMIT_US, || !self.is_synchronising());
     }
 }

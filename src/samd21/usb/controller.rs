@@ -295,7 +295,7 @@ impl Usb {
 
 /// Tell the controller where the banks' descriptors are, should a register have lost that: it would
 /// take other memory for them, and write there.
-pub(crate) fn point_at_banks() {
+fn point_at_banks() {
     let place = registers().descadd();
     let banks = SHARED.0.get() as u32;
     if place.read().bits() != banks {
