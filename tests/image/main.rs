@@ -1,6 +1,7 @@
 //! The firmware image on the virtual rig: its flights, its behaviour when something fails, and its
 //! attitude from a real recording. One test binary, so that the image is built and booted once.
 
+mod boards;
 mod campaign;
 mod faults;
 mod flights;

@@ -7,7 +7,7 @@ use tvc_nano::Axis;
 use super::disturbance::Disturbances;
 use super::rocket::{Rocket, RocketConfig};
 use super::vehicle::{self, Vehicle};
-use super::{EarthField, TimedFault};
+use super::{EarthField, TimedFault, Wiring};
 use crate::bno055;
 
 /// What a drone that hangs in a joint and has two rudders has besides.
@@ -57,6 +57,8 @@ pub struct BenchConfig {
     pub sensor: bno055::Config,
     /// Where the sensor sits, from the pivot along the body's axes (x forward, y right, z down), m.
     pub lever_m: [f64; 3],
+    /// The board that the chip sits on: the one that the image is for.
+    pub wiring: Wiring,
     /// A jumper leads the servo's signal to D2, where no other servo is.
     pub jumper: bool,
     /// The servo, or both, before its horn is fitted to zero rudder at
@@ -85,6 +87,7 @@ impl Default for BenchConfig {
         Self {
             sensor: bno055::Config::default(),
             lever_m: [0.0; 3],
+            wiring: Wiring::NANO_33_IOT,
             jumper: true,
             servo: ServoModel::S3003,
             horn_error_rad: 0.0,

@@ -2,11 +2,13 @@
 //! clamp, and the logic analyser that records what really happens.
 //!
 //! ```text
-//!   PB08, PB09 (I2C)  -- BNO055 at the pivot, x forward, z down
-//!   PB11 (D3)         -- servo -> crank -> rudder -> drone's pitch
-//!   PB10 (D2)         -- the same of its roll, or a jumper from D3
-//!   PA07 (D4)         -- probe: a control step is busy
+//!   I2C          -- BNO055 at the pivot, x forward, z down
+//!   first servo  -- servo -> crank -> rudder -> drone's pitch
+//!   second servo -- the same of its roll, or a jumper from the first
+//!   probe        -- a control step is busy
 //! ```
+//!
+//! [`Wiring`] says which pins these are.
 //!
 //! The drone pitches about the body's y axis, to the right; nose up is positive, which is the
 //! plant's counter-clockwise `theta0` seen from the right. With [`VehicleConfig::TwoAxes`] it rolls
@@ -20,7 +22,9 @@ use super::disturbance::Disturbances;
 use super::sensor_motion::{HeldSensor, SensorMotion};
 use super::stimulus::PitchMotion;
 use super::vehicle::Vehicle;
-use super::{EarthField, Hardware, Knock, Magnet, Since, TimedFault, fault_schedule, stimulus};
+use super::{
+    EarthField, Hardware, Knock, Magnet, Since, TimedFault, Wiring, fault_schedule, stimulus,
+};
 use crate::bno055::{Bno055, Fault, ImuErrors, Stimulus};
 use crate::observe::ground_truth::{GroundTruth, Motion, Roll};
 use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
@@ -31,20 +35,8 @@ use tvc_nano::Axis;
 
 /// Pulse width at which the horn is mounted for zero rudder, us.
 pub const ZERO_RUDDER_US: f64 = 1523.6;
-/// The servos' pins by axis, D3 and D2.
-pub const SERVO_PINS: [Pin; Axis::COUNT] = [Pin::b(11), Pin::b(10)];
-/// The channels of TCC0 that make their pulses, and what a count of theirs lasts: 1/3 us.
-const SERVO_CHANNELS: [u8; Axis::COUNT] = [1, 0];
+/// What a count of TCC0 lasts: 1/3 us.
 const SERVO_COUNT: Ticks = Ticks(16);
-/// D2, to which a jumper may lead the first servo's signal.
-const JUMPER_PIN: Pin = SERVO_PINS[1];
-/// The probe pin, D4.
-pub const PROBE_PIN: Pin = Pin::a(7);
-/// The sensor's bus, A4 (SDA) and A5 (SCL): SERCOM4 reaches them with function D.
-pub(super) const I2C_PINS: I2cPins = I2cPins {
-    sda: Pin::b(8),
-    scl: Pin::b(9),
-};
 
 /// Step of the physics.
 const STEP: Ticks = Ticks::from_us(500);
@@ -56,6 +48,7 @@ const BACK_S: f64 = 1.5;
 /// The chip's environment. Whatever the chip does at its pins first advances it to that time.
 #[derive(Clone, Debug)]
 pub struct Environment {
+    wiring: Wiring,
     vehicle: Vehicle,
     /// Of each axis that the drone has a rudder for.
     servos: Vec<Servo>,
@@ -109,6 +102,7 @@ impl Environment {
             sensor.errors = temperature.of(sensor.errors);
         }
         Ok(Self {
+            wiring: bench.wiring,
             vehicle,
             servos: vec![Servo::new(model, zero_rad, 0.0); bench.axes()],
             sensor: Bno055::new(sensor),
@@ -480,7 +474,7 @@ fn add(to: &mut [f64; 3], more: [f64; 3]) {
 
 impl Board for Environment {
     fn i2c_pins(&self) -> Option<I2cPins> {
-        Some(I2C_PINS)
+        Some(self.wiring.i2c)
     }
 
     fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
@@ -505,10 +499,11 @@ impl Board for Environment {
     }
 
     fn pin(&mut self, now: Ticks, pin: Pin, level: bool) {
+        let wiring = self.wiring;
         match pin {
-            pin if SERVO_PINS.contains(&pin) => {
+            pin if wiring.servos.contains(&pin) => {
                 self.advance(now);
-                let axis = Axis::ALL[usize::from(pin != SERVO_PINS[0])];
+                let axis = Axis::ALL[usize::from(pin != wiring.servos[0])];
                 if axis == Axis::Pitch {
                     self.jumper = self.jumper.map(|_| level);
                 }
@@ -519,14 +514,15 @@ impl Board for Environment {
                     servo.pulse(pulse.rise.as_secs_f64(), pulse.width_us());
                 }
             }
-            PROBE_PIN => self.analyzer.probe(now, level, &mut self.truth),
-            pin if pin == I2C_PINS.scl && level => self.sensor.clocked(),
+            pin if pin == wiring.probe => self.analyzer.probe(now, level, &mut self.truth),
+            pin if pin == wiring.i2c.scl && level => self.sensor.clocked(),
             _ => {}
         }
     }
 
     fn compare(&mut self, _now: Ticks, tcc: u8, channel: u8, count: u32) {
-        let axis = SERVO_CHANNELS.iter().position(|servo| *servo == channel);
+        let channels = self.wiring.channels;
+        let axis = channels.iter().position(|servo| *servo == channel);
         if let Some(axis) = axis.filter(|_| tcc == 0) {
             let width = SERVO_COUNT * u64::from(count);
             self.analyzer.asked(Axis::ALL[axis], width);
@@ -534,7 +530,7 @@ impl Board for Environment {
     }
 
     fn input(&self, _now: Ticks, pin: Pin) -> Option<bool> {
-        self.jumper.filter(|_| pin == JUMPER_PIN)
+        self.jumper.filter(|_| pin == self.wiring.servos[1])
     }
 }
 

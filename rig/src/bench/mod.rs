@@ -13,13 +13,15 @@ mod rocket;
 pub mod sensor_motion;
 mod stimulus;
 mod vehicle;
+mod wiring;
 
 pub use config::{BenchConfig, TwoAxes, VehicleConfig};
 pub use earth_field::EarthField;
-pub use environment::{Environment, PROBE_PIN, SERVO_PINS, ZERO_RUDDER_US};
+pub use environment::{Environment, ZERO_RUDDER_US};
 pub use fault_schedule::{FaultEntry, Since, TimedFault};
 pub use hardware::Hardware;
 pub use knock::Knock;
 pub use magnet::Magnet;
 pub use rocket::{Kick, Rocket, RocketConfig, SHAFT_PER_GIMBAL};
 pub use vehicle::Vehicle;
+pub use wiring::Wiring;

@@ -3,7 +3,7 @@
 //! they are with a bus of 100 kHz.
 
 use bno055_driver::{BusError, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
-use rig::bench::{BenchConfig, Environment, SERVO_PINS};
+use rig::bench::{BenchConfig, Environment, Wiring};
 use samd21::board::{Board, I2cEvent, Ticks};
 use tvc_nano::failsafe::BootReport;
 use tvc_nano::sensor::{self, Sensor};
@@ -107,9 +107,11 @@ impl HostLoop {
         while self.next_frame_us <= self.now.as_us() {
             let rise = Ticks::from_us(self.next_frame_us);
             self.next_frame_us += FRAME_US;
-            self.environment.pin(rise, SERVO_PINS[0], true);
+            self.environment
+                .pin(rise, Wiring::NANO_33_IOT.servos[0], true);
             let fall = rise + Ticks::from_us(u64::from(self.pulse_us));
-            self.environment.pin(fall, SERVO_PINS[0], false);
+            self.environment
+                .pin(fall, Wiring::NANO_33_IOT.servos[0], false);
         }
     }
 

@@ -1,7 +1,7 @@
 //! The disturbances on the bench, and what may be said of them.
 
 use super::*;
-use crate::bench::{BenchConfig, Environment, SERVO_PINS};
+use crate::bench::{BenchConfig, Environment, Wiring};
 use samd21::board::{Board, Ticks};
 
 const VIBRATION: Vibration = Vibration {
@@ -25,8 +25,12 @@ fn steered(mut environment: Environment, width_us: u64) -> Environment {
     environment.release(0.0);
     for frame in 0..10 {
         let rise = Ticks::from_ms(20 * frame);
-        environment.pin(rise, SERVO_PINS[0], true);
-        environment.pin(rise + Ticks::from_us(width_us), SERVO_PINS[0], false);
+        environment.pin(rise, Wiring::NANO_33_IOT.servos[0], true);
+        environment.pin(
+            rise + Ticks::from_us(width_us),
+            Wiring::NANO_33_IOT.servos[0],
+            false,
+        );
     }
     environment.advance(Ticks::from_ms(200));
     environment

@@ -217,8 +217,12 @@ fn a_pulse_turns_the_servo_and_pitches_the_drone() {
     environment.release(0.0);
     for frame in 0..25 {
         let rise = Ticks::from_ms(20 * frame);
-        environment.pin(rise, SERVO_PINS[0], true);
-        environment.pin(rise + Ticks::from_us(1723), SERVO_PINS[0], false);
+        environment.pin(rise, Wiring::NANO_33_IOT.servos[0], true);
+        environment.pin(
+            rise + Ticks::from_us(1723),
+            Wiring::NANO_33_IOT.servos[0],
+            false,
+        );
     }
     environment.advance(Ticks::from_ms(500));
     assert!(
@@ -236,8 +240,8 @@ fn the_horn_is_fitted_at_1523_6() {
     let mut environment = environment(BenchConfig::default());
     environment.release(0.0);
     let rise = Ticks::from_ms(1);
-    environment.pin(rise, SERVO_PINS[0], true);
-    environment.pin(rise + Ticks(73_133), SERVO_PINS[0], false);
+    environment.pin(rise, Wiring::NANO_33_IOT.servos[0], true);
+    environment.pin(rise + Ticks(73_133), Wiring::NANO_33_IOT.servos[0], false);
     environment.advance(Ticks::from_ms(400));
     // The servo counts whole microseconds: 1524 us, 0.04 deg off, inside its deadband.
     assert!(environment.vehicle().rudders_rad()[0].abs() < 1e-3);
