@@ -2,9 +2,10 @@
 //! registers that it does it with ([`Wire`]).
 //!
 //! A transfer is a write to a register, or a write of its number, a repeated start and a read. Once
-//! started it runs in the interrupt, one byte at a time, and the main loop [collects](Master::collect)
-//! its outcome. Each transfer has a deadline. Whatever fails ends with a STOP, where the master
-//! still owns the bus, or with a bus that is [to be repaired](Master::is_broken).
+//! started it runs in the interrupt, one byte at a time, and the main loop
+//! [collects](Master::collect) its outcome. Each transfer has a deadline. Whatever fails ends with
+//! a STOP, where the master still owns the bus, or with a bus that is [to be
+//! repaired](Master::is_broken).
 //!
 //! ```text
 //!      address+W acknowledged      register acknowledged, read    byte 1..n-1: acknowledge

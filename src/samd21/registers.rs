@@ -1,9 +1,9 @@
 //! The registers that must not change by themselves, in one table (addresses as in the data sheet).
 //!
 //! Those on which the pulses, the processor and the ticks depend are compared after every step,
-//! behind its pulses; of the others [`AT_ONCE`] a step, all within five steps: 34 ms at 150 Hz. What the flight itself
-//! changes is not here: the compare registers and the timer's period ([`super::frame`]), and the
-//! DFLL, which start-of-frame tunes ([`super::dfll`]).
+//! behind its pulses; of the others [`AT_ONCE`] a step, all within five steps: 34 ms at 150 Hz.
+//! What the flight itself changes is not here: the compare registers and the timer's period
+//! ([`super::frame`]), and the DFLL, which start-of-frame tunes ([`super::dfll`]).
 
 use atsamd_hal::pac::Interrupt;
 use tvc_nano::registers::{Access, Patrol, Register, Width};
