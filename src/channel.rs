@@ -27,21 +27,13 @@ pub(crate) struct ChannelState {
 
 impl Channel {
     /// The channel of an axis.
+    #[inline(never)]
     pub(crate) fn new(params: &Params, axis: Axis) -> Self {
         let servo = Servo::new(params, axis);
         Self {
             axis,
             controller: Controller::new(params, axis, servo.travel_rad()),
             servo,
-        }
-    }
-
-    /// The state of a rudder that rests at neutral.
-    pub(crate) fn at_rest(&self) -> ChannelState {
-        ChannelState {
-            law: self.controller.at_rest(),
-            crank: Q16::default(),
-            commanded: self.servo.neutral(),
         }
     }
 
@@ -98,6 +90,16 @@ impl Channel {
 }
 
 impl ChannelState {
+    /// Of a rudder that rests at neutral.
+    #[inline(never)]
+    pub(crate) fn at_rest(params: &Params, axis: Axis) -> Self {
+        Self {
+            law: LawState::at_rest(params),
+            crank: Q16::default(),
+            commanded: Servo::new(params, axis).neutral(),
+        }
+    }
+
     /// Its words.
     pub(crate) const WORDS: usize = LawState::ALL_WORDS + Q16::WORDS + Commanded::WORDS;
 

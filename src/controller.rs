@@ -129,6 +129,14 @@ macro_rules! laws {
                 most
             };
 
+            /// Of the law that the parameters choose, whose crank rests at zero rudder.
+            pub fn at_rest(params: &Params) -> Self {
+                $(if is_law(params, $number) {
+                    return Self::$law(Default::default());
+                })*
+                Self::default()
+            }
+
             fn tell_law(&self, each: &mut impl FnMut(i32)) {
                 match self {
                     $(Self::$law(state) => state.tell(each),)*
@@ -219,11 +227,6 @@ impl Controller {
         };
         controller.configure(&mut LawState::default(), params, axis, travel_rad);
         controller
-    }
-
-    /// The state of its law at rest.
-    pub fn at_rest(&self) -> LawState {
-        self.law.at_rest()
     }
 
     /// Take over changed parameters, without a bump unless they choose another law.
@@ -415,7 +418,7 @@ mod tests {
 
     fn running(params: &Params) -> Running {
         let controller = Controller::new(params, Axis::Pitch, 1.0);
-        let state = controller.at_rest();
+        let state = LawState::at_rest(params);
         Running { controller, state }
     }
 

@@ -103,37 +103,40 @@ pub(crate) struct Memory {
 }
 
 impl Settings {
-    // Not inlined, so that the stack holds no part twice.
     #[inline(never)]
-    fn new(params: Params) -> Result<Self, ConfigError> {
+    fn new(navigation: Navigation, params: &Params) -> Self {
         let timing = params.timing();
-        let mut gains = GainSchedule::default();
-        gains.configure(&params);
-        Ok(Self {
-            navigation: Navigation::new(&params)?,
-            launch: launch::Settings::new(&params),
-            gains,
+        Self {
+            navigation,
+            launch: launch::Settings::new(params),
+            gains: GainSchedule::new(params),
             ticks: Ticks::new(&timing),
-            channels: Axis::ALL.map(|axis| Channel::new(&params, axis)),
+            channels: [
+                Channel::new(params, Axis::Pitch),
+                Channel::new(params, Axis::Roll),
+            ],
             steered: params.axes().len(),
             roll_is_due: false,
             timing,
-            params,
-        })
+            params: params.clone(),
+        }
     }
 }
 
 impl Memory {
     #[inline(never)]
-    fn new(settings: &Settings, report: BootReport) -> Self {
+    fn new(navigation: &Navigation, params: &Params, report: BootReport) -> Self {
         let mut supervisor = Supervisor::new(report);
-        supervisor.require_host(settings.params.fs_host() == 1.0);
+        supervisor.require_host(params.fs_host() == 1.0);
         Self {
             carried: CarriedTicks::default(),
             supervisor,
-            navigation: settings.navigation.at_rest(),
+            navigation: navigation.at_rest(),
             launch: Launch::default(),
-            channels: settings.channels.each_ref().map(Channel::at_rest),
+            channels: [
+                ChannelState::at_rest(params, Axis::Pitch),
+                ChannelState::at_rest(params, Axis::Roll),
+            ],
             test_pulse: TestPulse::NONE,
         }
     }
@@ -146,11 +149,18 @@ impl Flight {
     /// The estimator's configuration is impossible; no set of parameters within their ranges makes
     /// it so.
     pub fn new(params: Params, report: BootReport) -> Result<Self, ConfigError> {
-        let settings = Settings::new(params)?;
-        Ok(Self {
-            state: Memory::new(&settings, report),
-            settings,
-        })
+        let navigation = Navigation::new(&params)?;
+        Ok(Self::with(navigation, &params, report))
+    }
+
+    /// As [`new`](Self::new), with the navigation of these parameters.
+    // Not inlined, and no `Result`: the stack would hold the whole of it once more.
+    #[inline(never)]
+    pub fn with(navigation: Navigation, params: &Params, report: BootReport) -> Self {
+        Self {
+            state: Memory::new(&navigation, params, report),
+            settings: Settings::new(navigation, params),
+        }
     }
 
     /// What only orders change.

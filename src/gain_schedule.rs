@@ -15,6 +15,13 @@ pub(crate) struct GainSchedule {
 }
 
 impl GainSchedule {
+    #[inline(never)]
+    pub(crate) fn new(params: &Params) -> Self {
+        let mut schedule = Self::default();
+        schedule.configure(params);
+        schedule
+    }
+
     /// Take over the parameters' rows. Such as cannot be leave the old ones in force.
     // Not inlined: who calls it needs the stack for more.
     #[inline(never)]

@@ -26,6 +26,7 @@ mod firmware {
     use tvc_nano::application::Application;
     use tvc_nano::failsafe::BootReport;
     use tvc_nano::flight::Flight;
+    use tvc_nano::navigation::Navigation;
     use tvc_nano::params::Params;
     use tvc_nano::recorder::Recorder;
     use tvc_nano::sensor::{self, Sensor};
@@ -44,9 +45,10 @@ mod firmware {
         static mut TELEMETRY: MaybeUninit<Telemetry> = MaybeUninit::uninit();
         // In its place from the start: on its way there it would not fit the stack.
         static mut RECORDER: Recorder = Recorder::new();
-        let (board, params, report) = board(BOARD);
+        // By reference: a parameter's copy would stay on the stack.
+        let (board, params, report) = &mut board(BOARD);
         let telemetry = telemetry(TELEMETRY, params.mav_sysid() as u8);
-        let flight = flight(FLIGHT, params, report);
+        let flight = flight(FLIGHT, params, *report);
         run(board, sensor(SENSOR), flight, telemetry, RECORDER)
     }
 
@@ -81,9 +83,13 @@ mod firmware {
     }
 
     #[inline(never)]
-    fn flight(place: &mut MaybeUninit<Flight>, params: Params, report: BootReport) -> &mut Flight {
-        match Flight::new(params, report) {
-            Ok(flight) => place.write(flight),
+    fn flight<'a>(
+        place: &'a mut MaybeUninit<Flight>,
+        params: &Params,
+        report: BootReport,
+    ) -> &'a mut Flight {
+        match Navigation::new(params) {
+            Ok(navigation) => place.write(Flight::with(navigation, params, report)),
             // No set of parameters within their ranges makes an impossible flight.
             Err(_) => crash::stop(SelfCheck::Configuration),
         }

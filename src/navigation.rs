@@ -156,6 +156,7 @@ impl Navigation {
     }
 
     /// The state before the first sample.
+    #[inline(never)]
     pub fn at_rest(&self) -> State {
         State {
             kept: self.start(FIELD_LOST_US),

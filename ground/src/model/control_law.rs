@@ -37,7 +37,7 @@ impl Law {
         let ticks = (WATCHED_S / control_s) as u32;
         let begun_s = first_s - f64::from(ticks) * control_s;
         let controller = Controller::new(params, Axis::Pitch, COMMAND_LIMIT_RAD as f32);
-        let state = controller.at_rest();
+        let state = LawState::at_rest(params);
         let mut law = Self {
             controller,
             state,

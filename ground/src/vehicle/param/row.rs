@@ -206,7 +206,7 @@ mod tests {
     /// What a control law puts out in a motion that swings, with the rudder's model and trim.
     fn outputs(params: &Params) -> Vec<f32> {
         let controller = Controller::new(params, Axis::Pitch, 1.0);
-        let mut state = controller.at_rest();
+        let mut state = LawState::at_rest(params);
         let motion = (0..400).map(|tick| {
             let time_s = tick as f32 / 150.0;
             let (sin, cos) = (3.0 * time_s).sin_cos();
