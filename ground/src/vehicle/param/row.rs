@@ -171,7 +171,7 @@ mod tests {
     use super::*;
     use tvc_nano::controller::Sample;
     use tvc_nano::params::{Range, TABLE};
-    use tvc_nano::{Axis, Controller};
+    use tvc_nano::{Axis, Controller, LawState};
 
     fn row(name: &str, value: f32) -> Parameter {
         Parameter {
