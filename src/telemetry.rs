@@ -14,7 +14,7 @@
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
 //! | NAMED_VALUE_FLOAT `crank` | every step: the crank angle that control asked for, rad, before limits |
 //! | NAMED_VALUE_FLOAT `tilt_sd`, `head_sd` | once a second: standard deviations of tilt and heading, deg |
-//! | V2_EXTENSION | once a second from standby on, in parts: all that the flight remembers after a step ([`Flight::memory`]), from which a replay goes on behind lost frames |
+//! | V2_EXTENSION | once a second from standby on, in parts: all that the flight remembers after a step ([`Flight::tell`]), from which a replay goes on behind lost frames |
 //! | ATTITUDE | not by itself: at the interval that the host asks for |
 //! | COMMAND_ACK | every command, COMMAND_LONG or COMMAND_INT, to the one that sent it; a gyro calibration is in progress once a second until it is accepted |
 //! | PARAM_VALUE, PARAM_ERROR | on request; the parameter list one a step; after a refusal both |

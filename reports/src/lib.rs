@@ -2,6 +2,7 @@
 
 #![forbid(unsafe_code)]
 #![allow(
+    rustdoc::private_intra_doc_links,
     missing_docs,
     unreachable_pub,
     clippy::missing_errors_doc,

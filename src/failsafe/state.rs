@@ -67,7 +67,7 @@ impl State {
         })
     }
 
-    /// Whether this is where [`Flight::memory`](crate::Flight::memory) is all that there is: from
+    /// Whether this is where [`Flight::tell`](crate::Flight::tell) is all that there is: from
     /// standby on, with nothing to acknowledge.
     pub fn is_past_start_up(&self) -> bool {
         matches!(
