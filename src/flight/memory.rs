@@ -38,7 +38,7 @@ impl Flight {
     /// Take over which ticks the pulses carry from the words that another flight
     /// [told](Flight::tell): samples do not tell it.
     pub fn follow_frames(&mut self, words: &[i32]) {
-        if words.len() == Self::WORDS {
+        if words.len() >= Self::WORDS {
             self.state.carried = Words::told(&mut following(words));
         }
     }
