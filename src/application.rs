@@ -192,6 +192,9 @@ impl<'a, S: Imu> Application<'a, S> {
         let reading = self.take(now, event, board);
         if event != Event::Nothing {
             self.arm(event, board);
+            // Before the step and in its midst, so that what the sensor is asked between two bursts
+            // goes over the wire meanwhile.
+            self.ask_sensor(now, board);
         }
         if let Some(reading) = reading {
             self.step(now, reading, board);

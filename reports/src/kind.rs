@@ -115,6 +115,17 @@ pub fn image(path: &str) -> Result<PathBuf, String> {
     output(path, &[Kind::Image])
 }
 
+/// The path of an image to write, or a folder that takes it, such as a board's drive.
+///
+/// # Errors
+/// As [`page`].
+pub fn image_or_folder(path: &str) -> Result<PathBuf, String> {
+    if Path::new(path).is_dir() {
+        return Ok(path.into());
+    }
+    image(path)
+}
+
 /// The path of a log to write, whose name says its form; an old one is replaced.
 ///
 /// # Errors

@@ -187,7 +187,7 @@ const REFUSED: Outcome = Outcome {
 };
 
 #[test]
-fn the_sensor_is_served_in_the_step_and_at_the_end_and_the_host_behind_the_step() {
+fn the_sensor_is_served_before_and_in_the_step_and_at_the_end_and_the_host_behind_it() {
     let mut bench = Bench::new();
     bench.turns(vec![Event::Missed]);
     let asked = bench.board.take();

@@ -51,7 +51,7 @@ pub struct Flash {
     pub bin: Option<PathBuf>,
 
     /// Write a UF2 file instead: a file, or the board's drive, which is the folder it shows up as.
-    #[arg(long, value_name = "FILE.uf2", value_parser = kind::image)]
+    #[arg(long, value_name = "FILE.uf2", value_parser = kind::image_or_folder)]
     pub uf2: Option<PathBuf>,
 }
 
