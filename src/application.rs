@@ -214,6 +214,7 @@ impl<'a, S: Imu> Application<'a, S> {
     }
 
     /// Estimate, act, send the pulses, and look after the rest.
+    #[inline(never)]
     fn step(&mut self, now: Micros, reading: Result<Sample, SensorFault>, board: &mut impl Board) {
         self.may_save = reading.is_ok() || !self.sensor.is_sampling();
         board.step_begins();
