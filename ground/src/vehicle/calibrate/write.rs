@@ -27,7 +27,7 @@ pub fn write(vehicle: &mut Vehicle, rows: &[Parameter]) -> Result<usize> {
     let changed: Vec<_> = rows.iter().filter(|row| !before.contains(row)).collect();
     let set = |vehicle: &mut Vehicle| {
         for row in &changed {
-            vehicle.set_parameter(&row.name, row.value)?;
+            set_row(vehicle, row)?;
         }
         vehicle.command(request::SAVE)
     };
@@ -38,7 +38,7 @@ pub fn write(vehicle: &mut Vehicle, rows: &[Parameter]) -> Result<usize> {
                 || changed.iter().any(|row| row.name == old.name)
         };
         for old in before.iter().filter(is_old) {
-            vehicle.set_parameter(&old.name, old.value)?;
+            set_row(vehicle, old)?;
         }
         return Err(why);
     }
@@ -57,6 +57,16 @@ pub fn write(vehicle: &mut Vehicle, rows: &[Parameter]) -> Result<usize> {
             )
         }
     }
+}
+
+/// Sets a parameter. A polarity becomes checked only from watched: a vehicle refuses it of one that
+/// nobody has looked at.
+fn set_row(vehicle: &mut Vehicle, row: &Parameter) -> Result<()> {
+    if [POLARITY, SECOND_POLARITY].contains(&&*row.name) && row.value == CHECKED {
+        vehicle.set_parameter(&row.name, WATCHED)?;
+    }
+    vehicle.set_parameter(&row.name, row.value)?;
+    Ok(())
 }
 
 #[cfg(all(test, unix))]
