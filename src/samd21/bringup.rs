@@ -27,9 +27,7 @@ pub(crate) fn obey(order: Order, bus: &Bus, d2_is_servo: bool) -> Option<u32> {
     const COUNT: u8 = What::Count as u8;
     match order.what {
         PEEK if is_readable(order.number) => Some(peek(order.number)),
-        HANG => loop {
-            cortex_m::asm::nop();
-        },
+        HANG => crash::hang(),
         FAIL_CHECK => crash::stop(SelfCheck::Ordered),
         PULSE if !d2_is_servo => time_pulse(),
         BUS => Some(bus.summary()),

@@ -145,6 +145,18 @@ pub(crate) fn stop_hanging() -> ! {
     end(HANG, 0)
 }
 
+/// Hangs with interrupts off, where only the watchdog itself ends it. The pulses end before: the
+/// watchdog would cut one.
+#[cold]
+#[inline(never)]
+pub(crate) fn hang() -> ! {
+    cortex_m::interrupt::disable();
+    frame::end_pulses();
+    loop {
+        cortex_m::asm::nop();
+    }
+}
+
 /// Something is wrong with the firmware or its chip, and cannot be put right while it runs.
 #[cold]
 #[inline(never)]

@@ -426,15 +426,20 @@ pub(crate) fn wait_for_gap() {
     time::delay_us(LONGEST_PULSE_US);
 }
 
+/// Take the servos' pins from the timer, each between two pulses.
+pub(crate) fn end_pulses() {
+    for Output { pin, .. } in WIRING.servos {
+        let _ = within_frame(|| !pin.is_high());
+        pin.low();
+        pin.gpio();
+    }
+}
+
 /// Neutral pulses to the end of this run, from a timer that may be `broken`: one that is, or that
 /// begins no frame, is set up anew, and has the servos' pins only between two pulses.
 pub(crate) fn end_in_neutral(broken: bool) {
     if RUNNING.load(Ordering::Acquire) && (broken || !begins()) {
-        for Output { pin, .. } in WIRING.servos {
-            let _ = within_frame(|| !pin.is_high());
-            pin.low();
-            pin.gpio();
-        }
+        end_pulses();
         clock_frame_again();
         send_alone(
             NEUTRAL

@@ -11,11 +11,43 @@ use tvc_nano::params::ParamError;
 
 use super::{BoardValue, Client, Failure, Parameter, Request};
 use crate::request::{self, Order};
+use crate::state::StateTracker;
 use crate::text;
 use crate::wire::Frame;
 
 /// No recorder of a vehicle holds more, bytes.
 const LONGEST_RECORDING: usize = 1 << 20;
+
+/// Between an order and the reason why the vehicle refuses it, in the vehicle's words.
+const REFUSED: &str = " refused: ";
+
+/// In front of the reason for a failsafe, in the vehicle's words.
+const FAILSAFE: &str = "failsafe: ";
+
+/// Why the vehicle refuses an order: its text directly before the answer. It tells a reason only
+/// once to a host that asks again and again; the kind of refusal and the state then say it.
+fn reason(
+    order: &Order,
+    refusal: Option<RefusalKind>,
+    words: Option<&str>,
+    state: &StateTracker,
+) -> String {
+    let Some(kind) = refusal else {
+        return words.unwrap_or_default().to_owned();
+    };
+    if let Some(words) = words.filter(|words| words.contains(REFUSED)) {
+        return words.to_owned();
+    }
+    let why = match (kind, state.reason()) {
+        (RefusalKind::WrongState, "") => format!("in {}", state.name()),
+        (RefusalKind::WrongState, why) => why.to_owned(),
+        (RefusalKind::FaultPersists, why) if !why.is_empty() => {
+            why.trim_start_matches(FAILSAFE).to_owned()
+        }
+        _ => kind.to_string(),
+    };
+    format!("{}{REFUSED}{why}", order.name)
+}
 
 impl Client {
     /// Takes in a frame of the vehicle: its state, and what it answers.
@@ -46,7 +78,7 @@ impl Client {
             MavMessage::COMMAND_ACK(ack) => {
                 // COMMAND_ACK's first extension: in a refusal, its kind.
                 let kind = frame.payload().get(3).copied().map(RefusalKind::try_from);
-                self.take_ack(ack, kind.and_then(Result::ok), words.unwrap_or_default());
+                self.take_ack(ack, kind.and_then(Result::ok), words);
             }
             MavMessage::PARAM_VALUE(row) => self.take_parameter(now, row, words),
             MavMessage::NAMED_VALUE_INT(told) => {
@@ -77,9 +109,14 @@ impl Client {
         }
     }
 
-    /// A refusal's reason stands directly before it. An order to the board is answered by its value
-    /// or by a refusal.
-    fn take_ack(&mut self, ack: &COMMAND_ACK_DATA, refusal: Option<RefusalKind>, reason: String) {
+    /// An order to the board is answered by its value or by a refusal.
+    fn take_ack(
+        &mut self,
+        ack: &COMMAND_ACK_DATA,
+        refusal: Option<RefusalKind>,
+        words: Option<String>,
+    ) {
+        let state = self.state.clone();
         let answer = |order: &Order| match ack.result {
             // What takes its time is obeyed when it has begun.
             MavResult::MAV_RESULT_ACCEPTED | MavResult::MAV_RESULT_IN_PROGRESS => Ok(()),
@@ -87,7 +124,7 @@ impl Client {
                 order: order.name.to_owned(),
                 result,
                 refusal,
-                reason: reason.clone(),
+                reason: reason(order, refusal, words.as_deref(), &state),
             }),
         };
         if ack.command == request::BRINGUP {

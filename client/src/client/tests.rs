@@ -8,7 +8,7 @@ use mavlink::dialects::common::{
     COMMAND_ACK_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_DATA_DATA, LOG_ENTRY_DATA,
     MavAutopilot, MavResult, PARAM_REQUEST_READ_DATA, PARAM_VALUE_DATA, STATUSTEXT_DATA,
 };
-use tvc_nano::failsafe::RefusalKind;
+use tvc_nano::failsafe::{ReasonKind, RefusalKind, StateCode};
 
 const TICK: Duration = Duration::from_millis(10);
 
@@ -173,6 +173,38 @@ fn a_refusal_has_the_reason_that_stands_directly_before_it() {
     let failure = bench.answer(arm).unwrap().unwrap_err();
     assert_eq!(failure.refusal(), None);
     assert_eq!(failure.to_string(), "arm refused (MAV_RESULT_DENIED)");
+}
+
+impl Bench {
+    /// How an order fails behind the text that the vehicle repeats once a second.
+    fn refused_again(&mut self, order: request::Order, kind: RefusalKind) -> Failure {
+        let ticket = self.order(order);
+        self.text("failsafe: IMU does not answer");
+        self.refuse(order, kind);
+        self.answer(ticket).unwrap().unwrap_err()
+    }
+}
+
+/// The vehicle tells a refusal once, and its state once a second.
+#[test]
+fn a_refusal_that_was_told_before_has_the_reason_of_its_kind_and_of_the_state() {
+    let mut bench = Bench::new();
+    let failure = bench.refused_again(ARM, RefusalKind::Tilt);
+    assert_eq!(failure.to_string(), "arm refused: tilt beyond 50 deg");
+    let failure = bench.refused_again(ARM, RefusalKind::WrongState);
+    assert_eq!(failure.to_string(), "arm refused: in unknown (255)");
+    let failsafe = HEARTBEAT_DATA {
+        custom_mode: StateCode::Failsafe(ReasonKind::Sensor).number(),
+        ..HEARTBEAT_DATA::default()
+    };
+    bench.say(MavMessage::HEARTBEAT(failsafe));
+    let failure = bench.refused_again(DISARM, RefusalKind::FaultPersists);
+    assert_eq!(failure.persisting_fault(), Some("IMU does not answer"));
+    let failure = bench.refused_again(ARM, RefusalKind::WrongState);
+    assert_eq!(
+        failure.to_string(),
+        "arm refused: failsafe: IMU does not answer"
+    );
 }
 
 #[test]

@@ -272,6 +272,7 @@ pub fn replay(
         now: Micros(0),
         newest: None,
         refresh: Refresh::default(),
+        knows_refresh: false,
         ordered: false,
         expected: None,
         exact: false,
@@ -282,7 +283,7 @@ pub fn replay(
     for event in &flight.events {
         match event {
             Event::Step(step) => pairs.push(run.step(step)),
-            Event::Gap(_) => run.exact = false,
+            Event::Gap(_) => (run.exact, run.knows_refresh) = (false, false),
             Event::Memory(words) if !run.exact => run.resume(words),
             Event::Memory(words) => run.flight.follow_frames(words),
             Event::State(code) => run.follow(*code),
@@ -294,7 +295,7 @@ pub fn replay(
                 MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION,
                 MavResult::MAV_RESULT_ACCEPTED | MavResult::MAV_RESULT_IN_PROGRESS,
             ) if run.is_starting() => {
-                run.exact = run.flight.calibrate().is_ok();
+                run.exact = run.flight.calibrate().is_ok() && run.knows_refresh;
             }
             Event::Answer(
                 MavCmd::MAV_CMD_DO_GRIPPER | MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
@@ -315,6 +316,8 @@ struct Run {
     /// The newest sample, and what is new in the next.
     newest: Option<RawSample>,
     refresh: Refresh,
+    /// The log tells the refresh. The sensor's goes on where the vehicle begins anew.
+    knows_refresh: bool,
     /// An order was obeyed since the last change of state.
     ordered: bool,
     /// What the vehicle has done by itself in the step that comes: launch, or end of its burn.
@@ -369,7 +372,7 @@ impl Run {
             let (words, refresh) = words.split_at(words.len().saturating_sub(Refresh::WORDS));
             let refresh: Vec<_> = refresh.iter().map(|word| word.cast_unsigned()).collect();
             if let Some(resumed) = Refresh::resumed(sample, &refresh) {
-                self.refresh = resumed;
+                (self.refresh, self.knows_refresh) = (resumed, true);
             }
             self.exact = self.flight.resume(&sample, words) || self.changed;
         }
@@ -395,7 +398,9 @@ impl Run {
         let first = self.code.replace(code).is_none();
         let state = state_of(code);
         // From power-on the whole past is in the log.
-        self.exact |= first && state == Some(StateKind::Boot) && self.newest.is_none();
+        if first && state == Some(StateKind::Boot) && self.newest.is_none() {
+            (self.exact, self.knows_refresh) = (true, true);
+        }
         let mine = self.flight.state().kind();
         match state {
             Some(StateKind::Armed) if mine != StateKind::Armed => self.command(Command::Arm),

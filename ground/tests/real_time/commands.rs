@@ -142,7 +142,7 @@ fn a_vehicle_out_of_the_box_says_what_to_do_before_it_is_armed() {
     let error = object["error"].as_str().unwrap();
     assert!(error.contains("run tvc calibrate polarity"), "{object}");
     // Any MAVLink client can say that it was done, but not as a file of parameters says it.
-    let said = rig.refused(1, &["param", "set", "SRV_POLARITY", "1"]);
+    let said = rig.refused(2, &["param", "set", "SRV_POLARITY", "1"]);
     assert!(
         said.contains("set 2 and look at the rudder first"),
         "{said}"

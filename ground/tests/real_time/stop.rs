@@ -68,12 +68,22 @@ struct Cable {
     path: String,
 }
 
+/// The rig's port. A process that another test has just begun may still hold its lock.
+fn open(rig: &str) -> Box<dyn serialport::SerialPort> {
+    let begun = Instant::now();
+    loop {
+        let port = serialport::new(rig, 115_200).timeout(Duration::from_millis(1));
+        match port.open() {
+            Ok(port) => return port,
+            Err(error) => assert!(begun.elapsed() < PATIENCE, "{rig}: {error}"),
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
 impl Cable {
     fn plug(rig: &str) -> Self {
-        let mut port = serialport::new(rig, 115_200)
-            .timeout(Duration::from_millis(1))
-            .open()
-            .unwrap();
+        let mut port = open(rig);
         let pty = Pty::open().unwrap();
         let path = pty.path().to_str().unwrap().to_owned();
         let (heard, over) = (Arc::new(Mutex::default()), Arc::default());
