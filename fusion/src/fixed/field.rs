@@ -99,6 +99,8 @@ pub(super) struct CompassState {
     weight: i32,
     /// Sample number from which on the next field is kept for a judgement.
     judge_at: u32,
+    /// Sample number of the field that is judged.
+    last: u32,
     /// Steps of the judgement that are to come: `COMPARE` and down to 0, none.
     due: u32,
     /// The field that is judged: north, east and down, counts.
@@ -117,8 +119,7 @@ pub(super) struct CompassState {
     judged: i32,
     /// The share of the next field in the reference, as a negative power of two.
     share: u32,
-    /// Sample number of the field that is judged, and of the one judged before.
-    last: u32,
+    /// Sample number of the field that was judged before.
     before: u32,
     /// Samples for which another field has been there.
     rejected: u32,

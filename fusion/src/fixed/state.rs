@@ -25,12 +25,12 @@ pub struct State {
     /// the next.
     pub(super) dt_remainder: u32,
     pub(super) gains: Gains,
-    pub(super) rest: RestState,
     /// Sample number of the last field that has corrected the heading.
     pub(super) heading_tick: u32,
     /// Jobs of the deviations that are to come.
     pub(super) due: Due,
     pub(super) compass: CompassState,
+    pub(super) rest: RestState,
     pub(super) filter: FilterState,
     pub(super) schedule: ScheduleState,
     pub(super) uncertainty: UncertaintyState,
