@@ -201,7 +201,9 @@ impl<'a, S: Imu> Application<'a, S> {
         }
         // The sensor's reply is nothing for the host.
         if !matches!(event, Event::Reply(_)) {
-            self.exchange(now, board);
+            // An order takes up to 2 ms: it is obeyed behind a step, where the next one is far.
+            let may_obey = event != Event::Nothing || !self.sensor.is_sampling();
+            self.exchange(now, may_obey, board);
         }
         self.guard.close(self.flight, board);
         let is_waiting = self.ask_sensor(now, board);
@@ -308,7 +310,8 @@ impl<'a, S: Imu> Application<'a, S> {
     #[inline(never)]
     fn ask_sensor(&mut self, now: Micros, board: &mut impl Board) -> bool {
         let bus = board.bus();
-        if bus == Bus::Busy {
+        // A save needs the bus free, and takes its turn first.
+        if bus == Bus::Busy || self.has_piece_to_save() && self.sensor.is_sampling() {
             return false;
         }
         match self.sensor.next(now) {
@@ -324,6 +327,11 @@ impl<'a, S: Imu> Application<'a, S> {
         }
     }
 
+    /// A piece of a save is to be done, and may be done now.
+    fn has_piece_to_save(&self) -> bool {
+        self.may_save && self.telemetry.has_storage_order()
+    }
+
     fn step_end(&self, now: Micros, snapshot: &Snapshot) -> StepEnd {
         StepEnd {
             pulses: snapshot.pulses,
@@ -336,7 +344,7 @@ impl<'a, S: Imu> Application<'a, S> {
 
     /// Take what the host has sent, and give it what it has room for.
     #[inline(never)]
-    fn exchange(&mut self, now: Micros, board: &mut impl Board) {
+    fn exchange(&mut self, now: Micros, may_obey: bool, board: &mut impl Board) {
         let port = board.poll_port(now, self.flight.state().is_armed());
         let open = match port {
             Port::Absent => false,
@@ -348,14 +356,15 @@ impl<'a, S: Imu> Application<'a, S> {
             // A new listener hears the state again.
             self.telemetry.restart();
         }
-        if open {
+        if open && may_obey {
             let mut packet = [0; PACKET_BYTES];
             let packet = copy(board.read(), &mut packet);
             if !packet.is_empty() {
                 self.open(board);
                 self.telemetry.receive(now, packet, self.flight);
             }
-        } else {
+        }
+        if !open {
             // What is answered from now on is sent: the message that shows the host is not obeyed,
             // since its answer would get lost.
             if port == Port::Silent {
@@ -366,8 +375,7 @@ impl<'a, S: Imu> Application<'a, S> {
             return;
         }
         // The processor stands still while it writes flash: a burst under way would be cut in two.
-        let has_piece = self.may_save && self.telemetry.has_storage_order();
-        if has_piece && matches!(board.bus(), Bus::Free | Bus::Broken) {
+        if self.has_piece_to_save() && matches!(board.bus(), Bus::Free | Bus::Broken) {
             self.may_save = false;
             // What a flipped bit has made of the parameters is not to be stored.
             self.open(board);

@@ -8,7 +8,7 @@
 //! | all zero | acceleration and rates of zero | CONFIG mode shows zeros; live sensors have noise |
 //! | vanished | a sensor whose three words become 0, or -1, from afar | a body does not stop on all axes in one refresh, to the last bit |
 //! | frozen | rates that stand still for several refreshes | noise moves their last bits |
-//! | range | words beyond the sensor's range | sensors clip at their range |
+//! | range | accelerations or rates beyond the sensor's range | sensors clip at their range |
 //!
 //! Rates that jump are held for one burst: the sample has the rates before, as if the gyroscope
 //! had not been refreshed, and the next burst shows whether the jump was real. A rate of -1 from
@@ -16,7 +16,8 @@
 //!
 //! A wrong bit in the midst of a word cannot be told from a motion. Bursts that show what is rare
 //! in a sound one are [suspect](Evidence::Suspect), and the driver sets a chip up anew that gives
-//! several suspect or refused bursts in a short time.
+//! several suspect or refused bursts in a short time. A field may be any: a magnet that is carried
+//! past moves it as far and as fast as a wrong bit does.
 
 use super::still::Still;
 use super::{RATES, Words, rates_burst, words};
@@ -40,9 +41,6 @@ const QUIET_STILL_US: u32 = 90_000;
 /// same counts in all units. Fast hands change a rate by 300 deg/s within a refresh of 10 ms.
 const RATE_JUMP: u16 = 4_000;
 
-/// A field that moves by more than this from one burst to the next is suspect: 250 uT.
-const FIELD_JUMP: u16 = 4_000;
-
 /// How near a sensor's last good words were to 0 or -1 where such words are what it measured, for
 /// accelerometer, magnetometer and gyroscope: 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (about the same
 /// counts in all units).
@@ -50,9 +48,6 @@ const NEAR: [u16; 3] = [200, 80, 64];
 
 /// Place of the magnetometer among the sensors of a burst.
 const MAG: usize = 1;
-
-/// Largest magnetic field that an axis of the sensor measures, counts: 1300 uT and a sixty-fourth.
-const MAG_MAX: u16 = 21_125;
 
 /// The judge of bursts, with what it remembers of those before.
 #[derive(Clone, Debug, Default)]
@@ -136,7 +131,7 @@ impl Inspector {
         let mut is_suspect = held.is_some() && !is_confirmed;
         if let Some(good) = good {
             let [acc, mag, gyr] = ones_from_afar(&good, &now);
-            is_suspect |= acc || mag || gyr || moved(&good.mag(), &sample.mag, FIELD_JUMP);
+            is_suspect |= acc || mag || gyr;
             if !is_confirmed && (gyr || moved(&good.gyr(), &sample.gyr, RATE_JUMP)) {
                 self.held = Some(sample.gyr);
                 sample.gyr = good.gyr();
@@ -236,7 +231,6 @@ fn out_of_range(config: &Config, Words([acc, mag, gyr]): &Words) -> bool {
         |words: &[i16; 3], limit: u16| words.iter().any(|word| word.unsigned_abs() > limit);
     beyond(acc, acc_range + acc_range / 64)
         || beyond(gyr, gyr_range + gyr_range / 64)
-        || beyond(mag, MAG_MAX)
         || config.needs_mag && config.mode.has_mag() && *mag == [0; 3]
 }
 

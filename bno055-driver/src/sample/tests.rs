@@ -188,11 +188,12 @@ fn words_of_ones_are_suspect_where_the_sensor_was_elsewhere() {
     }
 }
 
+/// The magnetometer's z axis measures 2500 uT: a magnet that is carried past shows all of it.
 #[test]
-fn a_field_that_jumps_is_suspect() {
-    let burst = |x| with(&[(3, x)]);
-    assert_eq!(suspects(&[burst(320), burst(4_320)]), [false, false]);
-    assert_eq!(suspects(&[burst(320), burst(4_321)]), [false, true]);
+fn any_field_is_believed() {
+    let burst = |x, z| with(&[(3, x), (5, z)]);
+    let past = [burst(320, 0), burst(20_800, 32_767), burst(320, -32_768)];
+    assert_eq!(suspects(&past), [false; 3]);
 }
 
 #[test]

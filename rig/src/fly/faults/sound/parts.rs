@@ -139,7 +139,7 @@ fn hardware(phase: Phase, dice: &mut impl Rng) -> Vec<String> {
     let mut settings = vec![
         "sensor-clock=3".to_owned(),
         format!("noise={:.2}", octaves(0.5..3.0, dice)),
-        format!("flash-time={:.2}", octaves(0.3..3.0, dice)),
+        format!("flash-time={:.2}", octaves(0.3..1.0, dice)),
         format!("slow-clock={:.3}", dice.random_range(0.87..1.25)),
         format!("clock={:.2}", dice.random_range(-3.1..3.1)),
         format!("wake={}", dice.random_range(2..=10)),
