@@ -299,7 +299,6 @@ fn limits_follow_range_and_unit() {
     // 8 g and 2000 deg/s, each and a sixty-fourth.
     limit(&Config::default(), 2, 7970);
     limit(&Config::default(), 7, 32_500);
-    limit(&Config::default(), 3, 21_125);
     let narrow = Sensors {
         acc_range: AccRange::G2,
         gyr_range: GyrRange::Dps250,
