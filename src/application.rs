@@ -202,9 +202,8 @@ impl<'a, S: Imu> Application<'a, S> {
         // The sensor's reply is nothing for the host.
         if !matches!(event, Event::Reply(_)) {
             // An order takes up to 2 ms: it waits for the step of a burst that is under way.
-            let may_obey = event != Event::Nothing
-                || !self.sensor.is_sampling()
-                || board.bus() != Bus::Busy;
+            let may_obey =
+                event != Event::Nothing || !self.sensor.is_sampling() || board.bus() != Bus::Busy;
             self.exchange(now, may_obey, board);
         }
         self.guard.close(self.flight, board);

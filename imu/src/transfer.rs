@@ -36,6 +36,17 @@ impl Bytes {
         }
     }
 
+    /// The payload `bytes`; `None` for more than [`WRITE_MAX`].
+    #[must_use]
+    pub fn from_slice(bytes: &[u8]) -> Option<Self> {
+        let mut inline = [0; WRITE_MAX];
+        inline.get_mut(..bytes.len())?.copy_from_slice(bytes);
+        Some(Self {
+            bytes: inline,
+            len: bytes.len() as u8,
+        })
+    }
+
     /// The payload.
     #[must_use]
     pub fn as_slice(&self) -> &[u8] {
@@ -120,5 +131,7 @@ mod tests {
     fn inline_bytes_keep_their_length() {
         assert_eq!(Bytes::new([1, 2, 3]).as_slice(), [1, 2, 3]);
         assert_eq!(Bytes::new([9; WRITE_MAX]).len(), WRITE_MAX);
+        assert_eq!(Bytes::from_slice(&[1, 2]), Some(Bytes::new([1, 2])));
+        assert_eq!(Bytes::from_slice(&[0; WRITE_MAX + 1]), None);
     }
 }

@@ -1,6 +1,8 @@
 //! The board as the application uses it: the chip's parts joined, on the wiring of the board that
 //! the image is for.
 
+#[cfg(feature = "embedded-hal")]
+mod foreign;
 mod memory_sum;
 
 use atsamd_hal::pac;
@@ -93,6 +95,8 @@ impl Board {
         let port = usb::Port::start(&clocks.usb, &mut chip.pm, chip.usb);
         interrupts::start(&mut core.SCB);
         guard.settle();
+        #[cfg(feature = "embedded-hal")]
+        let bus = foreign::show(bus);
         log::started(&report);
         let now = time::now();
         let board = Self {

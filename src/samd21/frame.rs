@@ -457,6 +457,20 @@ pub(crate) fn reset_in_gap() -> ! {
     SCB::sys_reset()
 }
 
+/// Have the first servo get `pulse`. `false` for one that no servo answers, or if the timer did not
+/// take it.
+#[cfg(feature = "embedded-hal")]
+pub(crate) fn send(pulse: PulseUs) -> bool {
+    let ([first, _], counts) = (SERVO_CHANNELS, counts(pulse));
+    PULSE_COUNTS.contains(&counts) && write_buffer(first, counts)
+}
+
+/// Time from pulse to pulse, us.
+#[cfg(feature = "embedded-hal")]
+pub(crate) fn length_us() -> u16 {
+    ((frame_registers().per().read().bits() + 1) / COUNTS_PER_US) as u16
+}
+
 /// The newest tick, once.
 pub(crate) fn take_tick() -> Option<Tick> {
     critical_section::with(|cs| {

@@ -38,6 +38,8 @@ mod pin;
 pub(crate) mod registers;
 pub(crate) mod stack;
 pub(crate) mod time;
+#[cfg(feature = "embedded-hal")]
+pub(crate) mod traits;
 pub(crate) mod usb;
 mod wake;
 pub(crate) mod watchdog;

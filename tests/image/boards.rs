@@ -39,3 +39,15 @@ fn an_image_for_another_board_finds_no_sensor() {
     setup.rig.bench.wiring = Wiring::XIAO_M0;
     assert!(prepare(crate::firmware(), &setup, &mut |_| {}).is_err());
 }
+
+/// It reads the sensor's 27 C by embedded-hal's traits, the servo's pulses show them for 0.2 s, and
+/// the firmware goes on to standby.
+#[test]
+fn a_driver_by_others_runs_on_the_board() {
+    let setup = Setup::with_polarity(ServoKind::S3003, 1);
+    let image = image(&["embedded-hal"]);
+    let ready = prepare(&image, &setup, &mut |_| {}).unwrap_or_else(|error| panic!("{error}"));
+    let pulses = ready.rig.truth().pulses.iter();
+    let shown = pulses.filter(|pulse| (pulse.width_us() - 1_527.0).abs() < 1.0);
+    assert!((9..=11).contains(&shown.count()));
+}
