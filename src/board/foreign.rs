@@ -24,7 +24,8 @@ pub(crate) fn show(mut bus: Bus) -> Bus {
 
 fn show_on(bus: &mut Bus) -> Option<()> {
     Delay.delay_ms(START_UP_MS);
-    let mut sensor = Bno055::new(bus);
+    // 0x28, where COM3 is low.
+    let mut sensor = Bno055::new(bus).with_alternative_address();
     sensor.init(&mut Delay).ok()?;
     sensor.set_mode(BNO055OperationMode::AMG, &mut Delay).ok()?;
     let celsius = sensor.temperature().ok()?;
