@@ -136,6 +136,8 @@ impl Seen<'_> {
             let mut said = self.texts.clone();
             said.retain(|text| states.iter().any(|state| text.starts_with(state)));
             said.dedup();
+            // What has a reason first.
+            said.sort_by_key(|text| text.starts_with("self-test"));
             let said = said.iter().map(|text| format!("\"{text}\""));
             alarms.details.extend(said.take(4));
         }
