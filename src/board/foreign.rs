@@ -1,6 +1,5 @@
 //! A driver that others wrote, on this board: it reads the sensor's temperature, and the first
-//! servo's pulses show it. An example of what the [traits](crate::samd21::traits) are for, and their
-//! test.
+//! servo's pulses show it. It is an example of what the [traits](crate::samd21::traits) are for.
 
 use bno055::{BNO055OperationMode, Bno055};
 use embedded_hal::delay::DelayNs;
