@@ -225,14 +225,13 @@ fn what_comes_out_of_a_bad_cable_is_the_chips_own_to_within_what_a_motion_may_be
         }
         if let Ok(sample) = rig.driver.sample(Micros(start), Ok(&bytes)) {
             out += 1;
-            // An error below the accelerometer's range of 8 g cannot be told from a blow, nor one
-            // of the field from a magnet.
+            // An error below the accelerometer's range of 8 g cannot be told from a blow. A magnet
+            // makes any field.
             let within = |found: [i16; 3], held: [i16; 3], limit| {
                 let mut words = found.iter().zip(held);
                 words.all(|(found, held)| found.abs_diff(held) <= limit)
             };
             assert!(within(sample.raw.acc, truth.0, 4_096), "{sample:?}");
-            assert!(within(sample.raw.mag, truth.1, 16_384), "{sample:?}");
             assert!(within(sample.raw.gyr, truth.2, 4_000), "{sample:?}");
         }
     }
