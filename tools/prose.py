@@ -1,0 +1,137 @@
+#!/usr/bin/env python3
+"""Check the prose of README.md, CONTRIBUTING.md, docs/*.md and the crates' README.md.
+
+    python3 tools/prose.py               each finding as FILE:LINE: what: the words; status 1 where there is one
+    python3 tools/prose.py FILE ...      those files alone, exempt or not
+    python3 tools/prose.py --list        words, sentences, mean sentence and longest paragraph of each file
+
+Code blocks, tables, headings and comments are left out. A code span counts as one word.
+CONTRIBUTING.md has the rules.
+"""
+
+import argparse
+import pathlib
+import re
+import sys
+
+# Turns that stop a reader; any case, at any line break.
+BANNED = [
+    "so many", "one that is none", "that is none", "is none of", "no longer", "an earlier image", "all the same",
+    "what is held against", "held against what", "used to be", "not at all", "nothing at all", "as it were",
+]
+# Pages whose prose is not mended yet. A page leaves the list with the commit that mends it.
+EXEMPT = """
+    README.md CONTRIBUTING.md docs/architecture.md docs/measurements.md
+    docs/faults.md docs/troubleshooting.md docs/hardware.md docs/tether.md docs/bringup.md docs/calibration.md
+    docs/flashing.md docs/tool.md docs/model.md docs/control.md docs/rocket.md docs/two_axes.md docs/states.md
+    fusion/README.md pid/README.md bno055-driver/README.md imu/README.md python/README.md
+""".split()
+LONGEST_PARAGRAPH = 90
+LONGEST_SENTENCE = 40
+LONGEST_MEAN = 18
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+PATTERNS = ["README.md", "CONTRIBUTING.md", "docs/*.md", "*/README.md"]
+ITEM = re.compile(r"\s*(?:[-*+]|\d+[.)])\s+")
+END = re.compile(r"(?<!e\.g\.)(?<!i\.e\.)(?<=[.!?])[\"')\]]*\s+(?=[\"'(\[]*[^\W_a-z]|[\"'(\[]*`)")
+# What stands for a space and for the end of a sentence within a code span.
+HIDDEN = {" ": "\ue000", ".": "\ue001", "!": "\ue002", "?": "\ue003"}
+
+
+def paragraphs(text):
+    """The line and the text of each paragraph and of each list item."""
+    text = re.sub(r"<!--.*?-->", lambda found: "\n" * found[0].count("\n"), text, flags=re.DOTALL)
+    first, lines, fence = 0, [], ""
+    for number, line in enumerate([*text.split("\n"), ""], 1):
+        mark = re.match(r"\s*(```+|~~~+)", line)
+        if mark and (not fence or mark[1] == fence):
+            fence = "" if fence else mark[1]
+        aside = mark or fence or not line.strip() or re.match(r"\s*\||#{1,6} |\s*(?:---+|===+)\s*$", line)
+        item = ITEM.match(line)
+        if lines and (aside or item):
+            yield first, "\n".join(lines)
+            lines = []
+        if not aside:
+            first = first if lines else number
+            lines.append(line[item.end():] if item else line.lstrip("> "))
+
+
+def plain(text):
+    """Prose without the marks of Markdown, its line breaks kept."""
+    text = re.sub(r"`[^`]+`", lambda span: span[0].translate(str.maketrans(HIDDEN)), text)
+    text = re.sub(r"!\[[^\]]*\]\([^)]*\)", "", text)
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
+    return text.replace("**", "")
+
+
+def shown(text):
+    """Prose as it stands in the file, on one line."""
+    for mark, hidden in HIDDEN.items():
+        text = text.replace(hidden, mark)
+    return " ".join(text.split())
+
+
+def count(text):
+    """Words: what has a letter or a digit."""
+    return sum(any(sign.isalnum() for sign in word) for word in text.split())
+
+
+def sentences(text):
+    """The offset and the text of each sentence."""
+    ends = [0, *(found.end() for found in END.finditer(text)), len(text)]
+    pieces = [(start, text[start:end]) for start, end in zip(ends, ends[1:])]
+    return [(start, piece) for start, piece in pieces if count(piece)]
+
+
+def read(path):
+    """The figures of a file, and its findings as line and words."""
+    found, lengths, longest = [], [], 0
+    for first, raw in paragraphs(path.read_text(encoding="utf-8")):
+        text = plain(raw)
+        words = count(text)
+        longest = max(longest, words)
+        if words > LONGEST_PARAGRAPH:
+            found.append((first, f"{words} words in a paragraph: {shown(text)[:100]} ..."))
+        for start, sentence in sentences(text):
+            lengths.append(count(sentence))
+            if lengths[-1] > LONGEST_SENTENCE:
+                line = first + text.count("\n", 0, start)
+                found.append((line, f"{lengths[-1]} words in a sentence: {shown(sentence)}"))
+        for turn in BANNED:
+            for match in re.finditer(rf"\b{turn}\b".replace(" ", r"\s+"), text, re.IGNORECASE):
+                line = first + text.count("\n", 0, match.start())
+                words_around = shown(text[max(0, match.start() - 40):match.end() + 40])
+                found.append((line, f"`{turn}`: ... {words_around} ..."))
+    mean = sum(lengths) / len(lengths) if lengths else 0
+    if mean > LONGEST_MEAN:
+        found.append((1, f"a mean sentence of {mean:.1f} words; {LONGEST_MEAN} are allowed"))
+    return (sum(lengths), len(lengths), mean, longest), sorted(found)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("files", nargs="*", type=pathlib.Path, metavar="FILE")
+    parser.add_argument("--list", action="store_true", help="the figures of each file")
+    options = parser.parse_args()
+    paths = options.files or [path for pattern in PATTERNS for path in sorted(ROOT.glob(pattern))]
+    missing = [name for name in EXEMPT if not (ROOT / name).is_file()]
+    if missing:
+        sys.exit(f"error: EXEMPT names what is not there: {' '.join(missing)}")
+    if options.list:
+        print(f"{'':<28} {'words':>6} {'sentences':>9} {'mean':>5} {'longest paragraph':>17}")
+    bad = 0
+    for path in paths:
+        path = path.resolve()
+        name = str(path.relative_to(ROOT)) if path.is_relative_to(ROOT) else str(path)
+        exempt = name in EXEMPT and not options.files
+        (words, number, mean, longest), found = read(path)
+        if options.list:
+            print(f"{name:<28} {words:>6} {number:>9} {mean:>5.1f} {longest:>17}{'  exempt' if exempt else ''}")
+        elif not exempt:
+            bad += len(found)
+            print(*(f"{name}:{line}: {what}\n" for line, what in found), sep="", end="")
+    sys.exit(bool(bad))
+
+
+if __name__ == "__main__":
+    main()
