@@ -1,5 +1,8 @@
 //! The driver: which transfer comes next, and what follows from its outcome.
 
+mod imu;
+mod sampling;
+
 use crate::config::Config;
 use crate::fusion::{self, FusionSample};
 use crate::health::Health;
@@ -8,83 +11,12 @@ use crate::sample::{self, Evidence, Inspector, Judged};
 use crate::startup::{Goal, Progress, Startup};
 use crate::status::Identity;
 use crate::verify::Check;
-use tvc_imu::{
-    Bursts, BusError, Imu, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer,
-};
+use sampling::{Errand, Sampling};
+use tvc_imu::{BusError, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer};
 
 /// When no burst has brought anything for so long, the chip is set up anew. What is shorter is a
 /// glitch of the cable, which does not reset the chip: the mode is verified, and sampling goes on.
 pub const GLITCH_US: u64 = 60_000;
-/// After this many bad samples in a row, the chip is set up anew. If they are zeros it has reset
-/// itself, whatever its mode says.
-const BAD_SAMPLES_MAX: u8 = 3;
-/// What a bad sample, or a register that read wrong, adds to a leaky bucket, from which a good
-/// burst of all sensors takes 1. No sound burst is bad.
-const WRONG_WEIGHT: u8 = 4;
-/// What a suspect burst adds.
-const SUSPECT_WEIGHT: u8 = 3;
-/// At this level of the bucket the chip is set up anew: the good samples are not to be believed
-/// either, because flipped bits that are too small to be noticed come with those that are. Three
-/// bad samples reach it if at most two good ones lie between them, and four suspect bursts.
-const UNRELIABLE_MAX: u8 = 10;
-
-/// What the driver keeps while the chip samples.
-#[derive(Clone, Debug)]
-struct Sampling {
-    check: Check,
-    /// A burst has been judged since the last verification, which may follow now.
-    due: bool,
-    /// The transfer that [`Driver::next`] gave out and that has not been completed.
-    outstanding: Option<Errand>,
-    /// A register read wrong once: samples are withheld until it has been read again.
-    mismatched: bool,
-    /// When the first transfer failed since the last burst that brought something.
-    silent_since: Option<Micros>,
-    bad_samples: u8,
-    unreliable: u8,
-    inspector: Inspector,
-}
-
-/// What a transfer between two bursts was for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Errand {
-    Verify,
-    Ask(Request),
-}
-
-impl Sampling {
-    fn new(inspector: Inspector) -> Self {
-        Self {
-            check: Check::Mode,
-            due: false,
-            outstanding: None,
-            mismatched: false,
-            silent_since: None,
-            bad_samples: 0,
-            unreliable: 0,
-            inspector,
-        }
-    }
-
-    /// Counts a wrong answer; whether there were so many that the right ones are not to be believed
-    /// either.
-    fn distrust(&mut self, weight: u8) -> bool {
-        self.unreliable = self.unreliable.saturating_add(weight);
-        self.unreliable >= UNRELIABLE_MAX
-    }
-
-    /// Counts what a burst that was believed says of the wire; whether it is still to be believed.
-    fn weigh(&mut self, evidence: Evidence) -> bool {
-        match evidence {
-            Evidence::Sound if !self.mismatched => {
-                self.unreliable = self.unreliable.saturating_sub(1);
-            }
-            Evidence::Sound | Evidence::Little => {}
-            Evidence::Suspect => return !self.distrust(SUSPECT_WEIGHT),
-        }
-        true
-    }
-}
 
 #[derive(Clone, Debug)]
 enum Phase {
@@ -441,12 +373,8 @@ impl Driver {
             }
             Err(fault) => {
                 self.health.mismatched = self.health.mismatched.wrapping_add(1);
-                // A wrong bit on the wire looks the same: the register is read again, and the
-                // second answer is believed.
-                if core::mem::replace(&mut sampling.mismatched, true) {
-                    self.restart(now, fault);
-                } else if sampling.distrust(WRONG_WEIGHT) {
-                    self.restart(now, SensorFault::Unreliable);
+                if let Some(cause) = sampling.wrong_register(fault) {
+                    self.restart(now, cause);
                 }
             }
         }
@@ -465,9 +393,7 @@ impl Driver {
         sampling.due = true;
         let fault = match judged {
             Ok(data) => {
-                sampling.silent_since = None;
-                sampling.bad_samples = 0;
-                if !sampling.mismatched {
+                if sampling.good_sample() {
                     self.health.good = self.health.good.wrapping_add(1);
                     self.health.last_good = Some(time);
                     self.fault = None;
@@ -478,7 +404,13 @@ impl Driver {
             }
             Err(fault) => {
                 self.health.count(fault);
-                self.bad_sample(time, fault)
+                match sampling.bad_sample(fault) {
+                    Some(cause) => {
+                        self.restart(time, cause);
+                        cause
+                    }
+                    None => fault,
+                }
             }
         };
         self.fault = Some(fault);
@@ -511,34 +443,6 @@ impl Driver {
         }
     }
 
-    /// The fault to report for a bad sample; sets the chip up anew if it was one too many.
-    fn bad_sample(&mut self, now: Micros, fault: SensorFault) -> SensorFault {
-        let Phase::Sampling(sampling) = &mut self.phase else {
-            return fault;
-        };
-        sampling.bad_samples = sampling.bad_samples.saturating_add(1);
-        let unreliable = sampling.distrust(WRONG_WEIGHT);
-        if fault == SensorFault::AllZero && !sampling.mismatched {
-            sampling.check = Check::Mode;
-        }
-        let enough = match fault {
-            SensorFault::Frozen => 1,
-            _ => BAD_SAMPLES_MAX,
-        };
-        let fault = if sampling.bad_samples >= enough {
-            match fault {
-                SensorFault::AllZero => SensorFault::Reset,
-                fault => fault,
-            }
-        } else if unreliable {
-            SensorFault::Unreliable
-        } else {
-            return fault;
-        };
-        self.restart(now, fault);
-        fault
-    }
-
     /// Sets the chip up anew; `fault` is reported until it samples again.
     fn restart(&mut self, now: Micros, fault: SensorFault) {
         if fault == SensorFault::Reset {
@@ -567,52 +471,5 @@ fn heard(outcome: Result<&[u8], BusError>, chance: usize) -> Result<&[u8], Senso
         }
         Ok(bytes) => Ok(bytes),
         Err(error) => Err(error.into()),
-    }
-}
-
-impl Imu for Driver {
-    fn next(&mut self, now: Micros) -> Next {
-        Driver::next(self, now)
-    }
-
-    fn complete(&mut self, now: Micros, outcome: Result<&[u8], BusError>) {
-        Driver::complete(self, now, outcome);
-    }
-
-    fn is_sampling(&self) -> bool {
-        Driver::is_sampling(self)
-    }
-
-    fn bursts(&self) -> Bursts {
-        Bursts {
-            address: self.config.address.value(),
-            whole: Driver::is_sampling(self).then(|| self.burst()),
-            rates: self.rates_burst(),
-        }
-    }
-
-    fn sample(
-        &mut self,
-        time: Micros,
-        outcome: Result<&[u8], BusError>,
-    ) -> Result<Sample, SensorFault> {
-        Driver::sample(self, time, outcome)
-    }
-
-    fn overdue(&mut self, time: Micros, outcome: Result<&[u8], BusError>) {
-        // What it says of the chip's health has been counted.
-        let _ = Driver::overdue(self, time, outcome);
-    }
-
-    fn missed(&mut self) -> SensorFault {
-        Driver::missed(self)
-    }
-
-    fn fresh(&self) -> u32 {
-        self.health.fresh
-    }
-
-    fn refresh(&self) -> &Refresh {
-        &self.refresh
     }
 }

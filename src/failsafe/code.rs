@@ -48,8 +48,7 @@ numbered! {
         Configuration = 6, "configuration";
         /// `tvc bringup` asked for it.
         Ordered = 7, "ordered";
-        /// What decides (the state, the parameters, the servos' neutral and limits) is not as it
-        /// was set.
+        /// The flight's state or settings are not as its last step or order left them.
         Memory = 9, "memory";
         /// The image in flash has changed.
         Flash = 10, "flash";

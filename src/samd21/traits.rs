@@ -4,7 +4,7 @@
 use embedded_hal::delay::DelayNs;
 use embedded_hal::i2c::{ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
 use embedded_hal::pwm::{self, SetDutyCycle};
-use tvc_imu::{Bursts, BusError, Bytes, Transfer};
+use tvc_imu::{Bursts, BusError, Bytes, READ_MAX, Transfer};
 use tvc_nano::servo::PulseUs;
 
 use super::i2c::Bus;
@@ -32,7 +32,7 @@ impl ErrorType for Bus {
 }
 
 /// For devices with registers: a write begins with a register's number, and so does a read, behind
-/// which comes a repeated start. Other transactions end in [`ErrorKind::Other`]. Each transfer has
+/// which comes a repeated start. Longer and other transactions end in [`ErrorKind::Other`]. Each transfer has
 /// the bus's deadline.
 impl I2c for Bus {
     fn transaction(
@@ -46,14 +46,13 @@ impl I2c for Bus {
                 let register = *register;
                 self.transfer(address, Transfer::Write { register, bytes })
             }
-            [Operation::Write([register]), Operation::Read(place)] => {
-                let (register, len) = (*register, place.len() as u8);
-                self.transfer(address, Transfer::Read { register, len })?;
-                let answer = self.answer();
-                if answer.len() != place.len() {
-                    return Err(ErrorKind::Other);
+            [Operation::Write([register]), Operation::Read(place)]
+                if (1..=READ_MAX).contains(&place.len()) =>
+            {
+                self.transfer(address, Transfer::read(*register, place.len() as u8))?;
+                for (to, from) in place.iter_mut().zip(self.answer()) {
+                    *to = *from;
                 }
-                place.copy_from_slice(answer);
                 Ok(())
             }
             _ => Err(ErrorKind::Other),

@@ -9,6 +9,7 @@
 //! | vanished | a sensor whose three words become 0, or -1, from afar | a body does not stop on all axes in one refresh, to the last bit |
 //! | frozen | rates that stand still for several refreshes | noise moves their last bits |
 //! | range | accelerations or rates beyond the sensor's range | sensors clip at their range |
+//! | no field | a field of zero on all axes, where the configuration needs one | the earth has a field |
 //!
 //! Rates that jump are held for one burst: the sample has the rates before, as if the gyroscope
 //! had not been refreshed, and the next burst shows whether the jump was real. A rate of -1 from
@@ -16,8 +17,8 @@
 //!
 //! A wrong bit in the midst of a word cannot be told from a motion. Bursts that show what is rare
 //! in a sound one are [suspect](Evidence::Suspect), and the driver sets a chip up anew that gives
-//! several suspect or refused bursts in a short time. A field may be any: a magnet that is carried
-//! past moves it as far and as fast as a wrong bit does.
+//! several suspect or refused bursts in a short time. A field has no range and no limit to its
+//! jumps: a magnet that is carried past moves it as far and as fast as a wrong bit does.
 
 use super::still::Still;
 use super::{RATES, Words, rates_burst, words};

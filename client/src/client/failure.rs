@@ -6,6 +6,9 @@ use tvc_nano::failsafe::RefusalKind;
 
 use super::{ANSWER, Parameter};
 
+/// Between an order and the reason why the vehicle refuses it, in the vehicle's words.
+pub(super) const REFUSED: &str = " refused: ";
+
 /// Why a request was not fulfilled.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum Failure {
@@ -76,7 +79,11 @@ impl Failure {
                 refusal: Some(RefusalKind::FaultPersists),
                 reason,
                 ..
-            } => Some(reason.strip_prefix("disarm refused: ").unwrap_or(reason)),
+            } => Some(
+                reason
+                    .split_once(REFUSED)
+                    .map_or(reason, |(_, fault)| fault),
+            ),
             _ => None,
         }
     }

@@ -9,45 +9,14 @@ use mavlink::dialects::common::{
 use tvc_nano::failsafe::RefusalKind;
 use tvc_nano::params::ParamError;
 
+use super::failure::REFUSED;
 use super::{BoardValue, Client, Failure, Parameter, Request};
 use crate::request::{self, Order};
-use crate::state::StateTracker;
 use crate::text;
 use crate::wire::Frame;
 
 /// No recorder of a vehicle holds more, bytes.
 const LONGEST_RECORDING: usize = 1 << 20;
-
-/// Between an order and the reason why the vehicle refuses it, in the vehicle's words.
-const REFUSED: &str = " refused: ";
-
-/// In front of the reason for a failsafe, in the vehicle's words.
-const FAILSAFE: &str = "failsafe: ";
-
-/// Why the vehicle refuses an order: its text directly before the answer. It tells a reason only
-/// once to a host that asks again and again; the kind of refusal and the state then say it.
-fn reason(
-    order: &Order,
-    refusal: Option<RefusalKind>,
-    words: Option<&str>,
-    state: &StateTracker,
-) -> String {
-    let Some(kind) = refusal else {
-        return words.unwrap_or_default().to_owned();
-    };
-    if let Some(words) = words.filter(|words| words.contains(REFUSED)) {
-        return words.to_owned();
-    }
-    let why = match (kind, state.reason()) {
-        (RefusalKind::WrongState, "") => format!("in {}", state.name()),
-        (RefusalKind::WrongState, why) => why.to_owned(),
-        (RefusalKind::FaultPersists, why) if !why.is_empty() => {
-            why.trim_start_matches(FAILSAFE).to_owned()
-        }
-        _ => kind.to_string(),
-    };
-    format!("{}{REFUSED}{why}", order.name)
-}
 
 impl Client {
     /// Takes in a frame of the vehicle: its state, and what it answers.
@@ -109,14 +78,21 @@ impl Client {
         }
     }
 
-    /// An order to the board is answered by its value or by a refusal.
+    /// A refusal's reason stands directly before it, where the vehicle has not told it before. An
+    /// order to the board is answered by its value or by a refusal.
     fn take_ack(
         &mut self,
         ack: &COMMAND_ACK_DATA,
         refusal: Option<RefusalKind>,
         words: Option<String>,
     ) {
-        let state = self.state.clone();
+        let (told, untold) = match refusal {
+            None => (words, String::new()),
+            Some(kind) => (
+                words.filter(|words| words.contains(REFUSED)),
+                self.reason_of(kind),
+            ),
+        };
         let answer = |order: &Order| match ack.result {
             // What takes its time is obeyed when it has begun.
             MavResult::MAV_RESULT_ACCEPTED | MavResult::MAV_RESULT_IN_PROGRESS => Ok(()),
@@ -124,7 +100,11 @@ impl Client {
                 order: order.name.to_owned(),
                 result,
                 refusal,
-                reason: reason(order, refusal, words.as_deref(), &state),
+                reason: match &told {
+                    Some(words) => words.clone(),
+                    None if untold.is_empty() => String::new(),
+                    None => format!("{}{REFUSED}{untold}", order.name),
+                },
             }),
         };
         if ack.command == request::BRINGUP {
@@ -147,6 +127,20 @@ impl Client {
             Request::Order(order) if pending.ticket == ticket => Some(answer(order)),
             _ => None,
         });
+    }
+
+    /// Why the vehicle refuses an order, by the kind of refusal and by what it says of its state. It
+    /// tells a reason only once to a host that asks again and again.
+    fn reason_of(&self, kind: RefusalKind) -> String {
+        match (kind, self.state.reason()) {
+            (RefusalKind::WrongState, "") => format!("in {}", self.state.name()),
+            (RefusalKind::WrongState, state) => state.to_owned(),
+            (RefusalKind::FaultPersists, state) => match state.split_once(": ") {
+                Some((_, fault)) => fault.to_owned(),
+                None => kind.to_string(),
+            },
+            _ => kind.to_string(),
+        }
     }
 
     fn take_parameter(&mut self, now: Duration, row: &PARAM_VALUE_DATA, reason: Option<String>) {

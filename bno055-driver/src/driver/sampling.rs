@@ -1,0 +1,115 @@
+//! What the driver keeps while the chip samples, and how far it believes it.
+
+use tvc_imu::{Micros, SensorFault};
+
+use crate::request::Request;
+use crate::sample::{Evidence, Inspector};
+use crate::verify::Check;
+
+/// After this many bad samples in a row, the chip is set up anew. If they are zeros it has reset
+/// itself, whatever its mode says.
+const BAD_SAMPLES_MAX: u8 = 3;
+/// What a bad sample, or a register that read wrong, adds to a leaky bucket, from which a good
+/// burst of all sensors takes 1. No sound burst is bad.
+const WRONG_WEIGHT: u8 = 4;
+/// What a suspect burst adds.
+const SUSPECT_WEIGHT: u8 = 3;
+/// At this level of the bucket the chip is set up anew: the good samples are not to be believed
+/// either, because flipped bits that are too small to be noticed come with those that are. Three
+/// bad samples reach it if at most two good ones lie between them, and four suspect bursts.
+const UNRELIABLE_MAX: u8 = 10;
+
+/// What the driver keeps while the chip samples.
+#[derive(Clone, Debug)]
+pub(super) struct Sampling {
+    pub(super) check: Check,
+    /// A burst has been judged since the last verification, which may follow now.
+    pub(super) due: bool,
+    /// The transfer that [`Driver::next`](super::Driver::next) gave out and that has not been completed.
+    pub(super) outstanding: Option<Errand>,
+    /// A register read wrong once: samples are withheld until it has been read again.
+    pub(super) mismatched: bool,
+    /// When the first transfer failed since the last burst that brought something.
+    pub(super) silent_since: Option<Micros>,
+    bad_samples: u8,
+    unreliable: u8,
+    pub(super) inspector: Inspector,
+}
+
+/// What a transfer between two bursts was for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Errand {
+    Verify,
+    Ask(Request),
+}
+
+impl Sampling {
+    pub(super) fn new(inspector: Inspector) -> Self {
+        Self {
+            check: Check::Mode,
+            due: false,
+            outstanding: None,
+            mismatched: false,
+            silent_since: None,
+            bad_samples: 0,
+            unreliable: 0,
+            inspector,
+        }
+    }
+
+    /// Counts a wrong answer; whether there were so many that the right ones are not to be believed
+    /// either.
+    fn distrust(&mut self, weight: u8) -> bool {
+        self.unreliable = self.unreliable.saturating_add(weight);
+        self.unreliable >= UNRELIABLE_MAX
+    }
+
+    /// Counts what a burst that was believed says of the wire; whether it is still to be believed.
+    pub(super) fn weigh(&mut self, evidence: Evidence) -> bool {
+        match evidence {
+            Evidence::Sound if !self.mismatched => {
+                self.unreliable = self.unreliable.saturating_sub(1);
+            }
+            Evidence::Sound | Evidence::Little => {}
+            Evidence::Suspect => return !self.distrust(SUSPECT_WEIGHT),
+        }
+        true
+    }
+    /// Notes a sample that was believed; whether it may be given out.
+    pub(super) fn good_sample(&mut self) -> bool {
+        self.silent_since = None;
+        self.bad_samples = 0;
+        !self.mismatched
+    }
+
+    /// Counts a bad sample; why the chip is to be set up anew, if it was one too many.
+    pub(super) fn bad_sample(&mut self, fault: SensorFault) -> Option<SensorFault> {
+        self.bad_samples = self.bad_samples.saturating_add(1);
+        let unreliable = self.distrust(WRONG_WEIGHT);
+        if fault == SensorFault::AllZero && !self.mismatched {
+            self.check = Check::Mode;
+        }
+        let most = match fault {
+            SensorFault::Frozen => 1,
+            _ => BAD_SAMPLES_MAX,
+        };
+        if self.bad_samples < most {
+            return unreliable.then_some(SensorFault::Unreliable);
+        }
+        Some(match fault {
+            SensorFault::AllZero => SensorFault::Reset,
+            fault => fault,
+        })
+    }
+
+    /// Notes a register that read wrong; why the chip is to be set up anew, if it is. A wrong bit
+    /// on the wire looks the same: the register is read again, and the second answer is believed.
+    pub(super) fn wrong_register(&mut self, fault: SensorFault) -> Option<SensorFault> {
+        if core::mem::replace(&mut self.mismatched, true) {
+            Some(fault)
+        } else {
+            let unreliable = self.distrust(WRONG_WEIGHT);
+            unreliable.then_some(SensorFault::Unreliable)
+        }
+    }
+}
