@@ -2,7 +2,7 @@
 """Check the prose of README.md, CONTRIBUTING.md, docs/*.md and the crates' README.md.
 
     python3 tools/prose.py               each finding as FILE:LINE: what: the words; status 1 where there is one
-    python3 tools/prose.py FILE ...      those files alone, exempt or not
+    python3 tools/prose.py FILE ...      those files alone
     python3 tools/prose.py --list        words, sentences, mean sentence and longest paragraph of each file
 
 Code blocks, tables, headings and comments are left out. A code span counts as one word.
@@ -19,11 +19,6 @@ BANNED = [
     "so many", "one that is none", "that is none", "is none of", "no longer", "an earlier image", "all the same",
     "what is held against", "held against what", "used to be", "not at all", "nothing at all", "as it were",
 ]
-# Pages whose prose is not mended yet. A page leaves the list with the commit that mends it.
-EXEMPT = """
-    docs/model.md docs/control.md docs/rocket.md docs/two_axes.md docs/states.md
-    fusion/README.md pid/README.md bno055-driver/README.md imu/README.md python/README.md
-""".split()
 LONGEST_PARAGRAPH = 90
 LONGEST_SENTENCE = 40
 LONGEST_MEAN = 18
@@ -112,20 +107,16 @@ def main():
     parser.add_argument("--list", action="store_true", help="the figures of each file")
     options = parser.parse_args()
     paths = options.files or [path for pattern in PATTERNS for path in sorted(ROOT.glob(pattern))]
-    missing = [name for name in EXEMPT if not (ROOT / name).is_file()]
-    if missing:
-        sys.exit(f"error: EXEMPT names what is not there: {' '.join(missing)}")
     if options.list:
         print(f"{'':<28} {'words':>6} {'sentences':>9} {'mean':>5} {'longest paragraph':>17}")
     bad = 0
     for path in paths:
         path = path.resolve()
         name = str(path.relative_to(ROOT)) if path.is_relative_to(ROOT) else str(path)
-        exempt = name in EXEMPT and not options.files
         (words, number, mean, longest), found = read(path)
         if options.list:
-            print(f"{name:<28} {words:>6} {number:>9} {mean:>5.1f} {longest:>17}{'  exempt' if exempt else ''}")
-        elif not exempt:
+            print(f"{name:<28} {words:>6} {number:>9} {mean:>5.1f} {longest:>17}")
+        else:
             bad += len(found)
             print(*(f"{name}:{line}: {what}\n" for line, what in found), sep="", end="")
     sys.exit(bool(bad))
