@@ -32,8 +32,8 @@ impl ErrorType for Bus {
 }
 
 /// For devices with registers: a write begins with a register's number, and so does a read, behind
-/// which comes a repeated start. Longer and other transactions end in [`ErrorKind::Other`]. Each transfer has
-/// the bus's deadline.
+/// which comes a repeated start. Longer and other transactions end in [`ErrorKind::Other`]. Each
+/// transfer has the bus's deadline.
 impl I2c for Bus {
     fn transaction(
         &mut self,

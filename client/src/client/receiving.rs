@@ -129,8 +129,8 @@ impl Client {
         });
     }
 
-    /// Why the vehicle refuses an order, by the kind of refusal and by what it says of its state. It
-    /// tells a reason only once to a host that asks again and again.
+    /// Why the vehicle refuses an order, by the kind of refusal and by what it says of its state.
+    /// It tells a reason only once to a host that asks again and again.
     fn reason_of(&self, kind: RefusalKind) -> String {
         match (kind, self.state.reason()) {
             (RefusalKind::WrongState, "") => format!("in {}", self.state.name()),
