@@ -104,14 +104,14 @@ impl ChannelState {
     pub(crate) const WORDS: usize = LawState::ALL_WORDS + Q16::WORDS + Commanded::WORDS;
 
     /// Shows the words.
-    pub(crate) fn tell(&self, each: &mut impl FnMut(i32)) {
+    pub(crate) fn tell(&self, each: &mut dyn FnMut(i32)) {
         self.law.tell(each);
         self.crank.tell(each);
         self.commanded.tell(each);
     }
 
     /// Takes over the words that a channel of the same law [told](Self::tell).
-    pub(crate) fn resume(&mut self, next: &mut impl FnMut() -> i32) {
+    pub(crate) fn resume(&mut self, next: &mut dyn FnMut() -> i32) {
         self.law.resume(next);
         self.crank = Words::told(next);
         self.commanded = Words::told(next);

@@ -137,13 +137,13 @@ macro_rules! laws {
                 Self::default()
             }
 
-            fn tell_law(&self, each: &mut impl FnMut(i32)) {
+            fn tell_law(&self, each: &mut dyn FnMut(i32)) {
                 match self {
                     $(Self::$law(state) => state.tell(each),)*
                 }
             }
 
-            fn told_law(&mut self, next: &mut impl FnMut() -> i32) {
+            fn told_law(&mut self, next: &mut dyn FnMut() -> i32) {
                 match self {
                     $(Self::$law(state) => *state = Words::told(next),)*
                 }
@@ -171,7 +171,7 @@ impl LawState {
     pub(crate) const ALL_WORDS: usize = Self::WORDS;
 
     /// Shows the words, and zeros up to those of the largest state.
-    pub(crate) fn tell(&self, each: &mut impl FnMut(i32)) {
+    pub(crate) fn tell(&self, each: &mut dyn FnMut(i32)) {
         let mut left = Self::WORDS;
         self.tell_law(&mut |word| {
             left -= 1;
@@ -181,7 +181,7 @@ impl LawState {
     }
 
     /// Takes over the words that a state of the same law [told](Self::tell).
-    pub(crate) fn resume(&mut self, next: &mut impl FnMut() -> i32) {
+    pub(crate) fn resume(&mut self, next: &mut dyn FnMut() -> i32) {
         let mut left = Self::WORDS;
         self.told_law(&mut || {
             left -= 1;
@@ -303,6 +303,7 @@ impl TicksPerUs {
     }
 }
 
+#[inline(never)]
 fn period_s(params: &Params) -> f32 {
     params.control_period_us() as f32 * 1.0e-6
 }

@@ -105,7 +105,7 @@ impl Supervisor {
     pub(crate) const WORDS: usize = 2 + Option::<Micros>::WORDS;
 
     /// Shows the words of what no later step tells.
-    pub(crate) fn tell(&self, each: &mut impl FnMut(i32)) {
+    pub(crate) fn tell(&self, each: &mut dyn FnMut(i32)) {
         (self.state.code() as i32).tell(each);
         self.good_run.tell(each);
         match self.state {
@@ -121,7 +121,7 @@ impl Supervisor {
         &mut self,
         sampled: Micros,
         health: Health,
-        next: &mut impl FnMut() -> i32,
+        next: &mut dyn FnMut() -> i32,
     ) {
         let code = next() as u32;
         self.good_run = Words::told(next);

@@ -57,6 +57,7 @@ impl fmt::Display for Decimal {
 }
 
 /// The decimal digits of `number` from that of `unit`, a power of ten, downwards.
+#[inline(never)]
 fn write_digits(f: &mut fmt::Formatter<'_>, mut number: u32, mut unit: u32) -> fmt::Result {
     while unit > 0 {
         f.write_char(char::from_digit(number / unit, 10).unwrap_or('?'))?;

@@ -72,7 +72,7 @@ enum Bias {
 impl Words for Bias {
     const WORDS: usize = 1;
 
-    fn tell(&self, each: &mut impl FnMut(i32)) {
+    fn tell(&self, each: &mut dyn FnMut(i32)) {
         each(match *self {
             Self::Unknown(us) => us,
             Self::Levelling(us) => us | Self::LEVELLING,
@@ -80,7 +80,7 @@ impl Words for Bias {
         } as i32);
     }
 
-    fn told(next: &mut impl FnMut() -> i32) -> Self {
+    fn told(next: &mut dyn FnMut() -> i32) -> Self {
         match next() as u32 {
             Self::KNOWN => Self::Known,
             us if us & Self::LEVELLING != 0 => Self::Levelling(us & !Self::LEVELLING),
@@ -99,7 +99,7 @@ impl State {
     pub(crate) const WORDS: usize = Kept::WORDS + 1;
 
     /// Shows the words of what no later sample tells.
-    pub(crate) fn tell(&self, each: &mut impl FnMut(i32)) {
+    pub(crate) fn tell(&self, each: &mut dyn FnMut(i32)) {
         self.kept.tell(each);
         self.counts.mag.is_some().tell(each);
     }
@@ -267,7 +267,7 @@ impl Navigation {
         &self,
         state: &mut State,
         raw: &RawSample,
-        next: &mut impl FnMut() -> i32,
+        next: &mut dyn FnMut() -> i32,
     ) {
         let kept = Kept::told(next);
         let field_is_due = bool::told(next);

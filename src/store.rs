@@ -436,6 +436,7 @@ fn put(bytes: &mut [u8], at: usize, value: &[u8]) {
     }
 }
 
+#[inline(never)]
 fn word(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes([at, at + 1, at + 2, at + 3].map(|at| bytes.get(at).copied().unwrap_or(0)))
 }

@@ -267,6 +267,7 @@ impl TickPlan {
     /// | 200 Hz | one in two frames, 100 Hz | the same |
     /// | 300 Hz | one in two frames, 150 Hz | one in three, 100 Hz |
     /// | 333 Hz | one in three frames, 111 Hz | the same |
+    #[inline(never)]
     pub fn new(timing: &Timing) -> Self {
         let frame_us = 1_000_000 / divisor(timing.frame_hz);
         let shortest_us = timing.shortest_us().min(Self::LONGEST_US);
@@ -343,6 +344,7 @@ pub struct Ticks {
 
 impl Ticks {
     /// By the parameters' timing.
+    #[inline(never)]
     pub fn new(timing: &Timing) -> Self {
         let plan = TickPlan::new(timing);
         Self {

@@ -51,6 +51,7 @@ impl Endpoint {
         }
     }
 
+    #[inline(never)]
     fn at(address: u16) -> Option<Self> {
         let is_its = |endpoint: &Self| u16::from(endpoint.address()) == address;
         Self::ALL.into_iter().find(is_its)

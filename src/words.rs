@@ -10,10 +10,10 @@ pub(crate) trait Words: Sized {
     const WORDS: usize;
 
     /// Shows the words, in the order of the fields.
-    fn tell(&self, each: &mut impl FnMut(i32));
+    fn tell(&self, each: &mut dyn FnMut(i32));
 
     /// The value that [told](Self::tell) these words.
-    fn told(next: &mut impl FnMut() -> i32) -> Self;
+    fn told(next: &mut dyn FnMut() -> i32) -> Self;
 }
 
 /// What one word holds: how it becomes the word, and the word becomes it.
@@ -22,12 +22,12 @@ macro_rules! one_word {
         impl Words for $type {
             const WORDS: usize = 1;
 
-            fn tell(&self, each: &mut impl FnMut(i32)) {
+            fn tell(&self, each: &mut dyn FnMut(i32)) {
                 let $value = *self;
                 each($word);
             }
 
-            fn told(next: &mut impl FnMut() -> i32) -> Self {
+            fn told(next: &mut dyn FnMut() -> i32) -> Self {
                 let $told = next();
                 $back
             }
@@ -46,12 +46,13 @@ one_word! {
 impl Words for Micros {
     const WORDS: usize = 2;
 
-    fn tell(&self, each: &mut impl FnMut(i32)) {
+    #[inline(never)]
+    fn tell(&self, each: &mut dyn FnMut(i32)) {
         each(self.0 as i32);
         each((self.0 >> 32) as i32);
     }
 
-    fn told(next: &mut impl FnMut() -> i32) -> Self {
+    fn told(next: &mut dyn FnMut() -> i32) -> Self {
         let (low, high) = (next() as u32, next() as u32);
         Self(u64::from(high) << 32 | u64::from(low))
     }
@@ -61,11 +62,11 @@ impl Words for Micros {
 impl Words for Option<Micros> {
     const WORDS: usize = 2;
 
-    fn tell(&self, each: &mut impl FnMut(i32)) {
+    fn tell(&self, each: &mut dyn FnMut(i32)) {
         self.unwrap_or_default().tell(each);
     }
 
-    fn told(next: &mut impl FnMut() -> i32) -> Self {
+    fn told(next: &mut dyn FnMut() -> i32) -> Self {
         let at = Micros::told(next);
         (at.0 > 0).then_some(at)
     }
@@ -74,11 +75,11 @@ impl Words for Option<Micros> {
 impl Words for fixed::State {
     const WORDS: usize = Self::WORDS;
 
-    fn tell(&self, each: &mut impl FnMut(i32)) {
+    fn tell(&self, each: &mut dyn FnMut(i32)) {
         self.words().iter().for_each(|word| each(*word as i32));
     }
 
-    fn told(next: &mut impl FnMut() -> i32) -> Self {
+    fn told(next: &mut dyn FnMut() -> i32) -> Self {
         Self::from_words(&core::array::from_fn(|_| next() as u32))
     }
 }
@@ -86,13 +87,13 @@ impl Words for fixed::State {
 impl<V: Words, const N: usize> Words for [V; N] {
     const WORDS: usize = N * V::WORDS;
 
-    fn tell(&self, each: &mut impl FnMut(i32)) {
+    fn tell(&self, each: &mut dyn FnMut(i32)) {
         for value in self {
             value.tell(each);
         }
     }
 
-    fn told(next: &mut impl FnMut() -> i32) -> Self {
+    fn told(next: &mut dyn FnMut() -> i32) -> Self {
         core::array::from_fn(|_| V::told(next))
     }
 }
@@ -103,11 +104,11 @@ macro_rules! of_law {
         impl Words for $state<Q16> {
             const WORDS: usize = <Self as State<Q16>>::NUMBERS;
 
-            fn tell(&self, each: &mut impl FnMut(i32)) {
+            fn tell(&self, each: &mut dyn FnMut(i32)) {
                 State::tell(self, &mut |number: Q16| each(number.to_bits()));
             }
 
-            fn told(next: &mut impl FnMut() -> i32) -> Self {
+            fn told(next: &mut dyn FnMut() -> i32) -> Self {
                 State::told(&mut || Q16::from_bits(next()))
             }
         }
@@ -133,12 +134,12 @@ macro_rules! words {
             const WORDS: usize = 0 $(+ <$type as $crate::words::Words>::WORDS)*;
 
             #[inline(never)]
-            fn tell(&self, each: &mut impl FnMut(i32)) {
+            fn tell(&self, each: &mut dyn FnMut(i32)) {
                 $($crate::words::Words::tell(&self.$field, each);)*
             }
 
             #[inline(never)]
-            fn told(next: &mut impl FnMut() -> i32) -> Self {
+            fn told(next: &mut dyn FnMut() -> i32) -> Self {
                 Self { $($field: $crate::words::Words::told(next),)* }
             }
         }

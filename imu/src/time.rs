@@ -12,6 +12,8 @@ impl Micros {
     }
 
     /// Microseconds from `earlier` to `self`; 0 if `earlier` is later.
+    // Not inlined: it is called from fifty places.
+    #[inline(never)]
     #[must_use]
     pub const fn since(self, earlier: Self) -> u64 {
         self.0.saturating_sub(earlier.0)

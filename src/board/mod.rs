@@ -261,6 +261,7 @@ impl application::Board for Board {
         self.port.port()
     }
 
+    #[inline(never)]
     fn read(&mut self) -> &[u8] {
         self.port.read()
     }

@@ -24,7 +24,7 @@ impl Flight {
     /// Shows all that the next steps depend on besides parameters, samples and orders, word by
     /// word. The first is a digest of the parameters. It is whole after a step with a sample, [past
     /// start-up](crate::State::is_past_start_up), but for a test pulse.
-    pub fn tell(&self, each: &mut impl FnMut(i32)) {
+    pub fn tell(&self, each: &mut dyn FnMut(i32)) {
         each(self.settings.params.digest());
         self.state.carried.tell(each);
         self.state.navigation.tell(each);

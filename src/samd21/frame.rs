@@ -283,6 +283,7 @@ fn announce(plan: &TimerPlan, timing: &Timing) {
 }
 
 /// Resets the timer, and has it make pulses of counts of 3 MHz once it runs.
+#[inline(never)]
 fn reset() -> bool {
     let timer = frame_registers();
     timer.ctrla().write(|w| w.swrst().set_bit());
@@ -413,6 +414,7 @@ fn within_frame(ready: impl Fn() -> bool) -> bool {
 }
 
 /// Wait for the beginning of a frame; whether one has come.
+#[inline(never)]
 fn begins() -> bool {
     let timer = frame_registers();
     // SAFETY: clears the flag that is waited for.

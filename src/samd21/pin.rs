@@ -62,6 +62,7 @@ impl Pin {
     }
 
     /// Give it to a peripheral, its input buffer on.
+    #[inline(never)]
     pub(crate) fn connect(self, function: DynAlternate) {
         let (at, shift) = self.multiplexer();
         let place = at as usize as *mut u8;

@@ -180,6 +180,7 @@ impl Telemetry {
     }
 
     /// Tell the value of the parameter with this index.
+    #[inline(never)]
     pub fn report_param(&mut self, index: usize, params: &Params) {
         if let Some((info, value)) = params.by_index(index) {
             self.param_value(index, info, value);

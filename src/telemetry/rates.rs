@@ -62,6 +62,7 @@ struct Rate {
 pub(super) struct Rates([Rate; STREAMS.len()]);
 
 impl Rates {
+    #[inline(never)]
     pub(super) const fn new() -> Self {
         let mut rates = [Rate {
             every: 0,

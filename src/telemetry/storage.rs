@@ -114,6 +114,7 @@ impl Telemetry {
     }
 }
 
+#[inline(never)]
 fn replace(flight: &mut Flight, params: Params) -> MavResult {
     match flight.replace_params(params) {
         Ok(()) => MavResult::MAV_RESULT_ACCEPTED,

@@ -316,6 +316,7 @@ fn acknowledge(controller: &mut impl Controller, stage: &mut Stage, address: Opt
 }
 
 /// As after a configuration has been chosen (USB 2.0, 9.1.1.5).
+#[inline(never)]
 fn restart_endpoints(controller: &mut impl Controller) {
     for endpoint in Endpoint::ALL {
         controller.halt(endpoint, false);

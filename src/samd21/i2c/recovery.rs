@@ -59,6 +59,7 @@ fn stop(sda: Pin, scl: Pin) {
 }
 
 /// Wait for a line to go high, at most `limit_us`.
+#[inline(never)]
 fn rises(line: Pin, limit_us: u32) -> bool {
     (0..=limit_us).any(|_| {
         let high = line.is_high();
