@@ -12,6 +12,7 @@ pub use judge::STEP_AGE_US;
 pub(crate) use judge::{Evidence, Inspector, Judged};
 
 /// First register and length of the one burst that reads all that `mode` measures.
+#[inline(never)]
 const fn span(mode: Mode) -> (u8, u8) {
     let first = if mode.has_acc() {
         registers::ACC_DATA

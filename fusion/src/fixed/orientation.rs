@@ -36,6 +36,7 @@ impl Angles {
     }
 
     /// Sine and cosine of a binary angle, Q30, within 3e-5: one CORDIC rotation.
+    #[inline(never)]
     pub fn sin_cos_q30(angle: i32) -> (i32, i32) {
         // Half a turn more where the rotation would not reach.
         let near = angle.wrapping_add(1 << 30) >= 0;
@@ -137,6 +138,7 @@ impl Orientation {
     }
 
     /// Down in the body's axes, halved, Q29: CORDIC makes it 1.65 times as long.
+    #[inline(never)]
     fn half_down_q29(&self) -> [i32; 3] {
         let [w, x, y, z] = self.wxyz_q15();
         [
