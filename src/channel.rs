@@ -101,7 +101,7 @@ impl ChannelState {
     }
 
     /// Its words.
-    pub(crate) const WORDS: usize = LawState::ALL_WORDS + Q16::WORDS + Commanded::WORDS;
+    pub(crate) const WORDS: usize = LawState::WORDS + Q16::WORDS + Commanded::WORDS;
 
     /// Shows the words.
     pub(crate) fn tell(&self, each: &mut dyn FnMut(i32)) {

@@ -117,8 +117,8 @@ macro_rules! laws {
         }
 
         impl LawState {
-            /// Words of the largest.
-            const WORDS: usize = {
+            /// Words of the largest state.
+            pub(crate) const WORDS: usize = {
                 let mut most = 0;
                 $(
                     let words = <<$law<Q16> as tvc_pid::Law<Q16>>::State as Words>::WORDS;
@@ -137,16 +137,28 @@ macro_rules! laws {
                 Self::default()
             }
 
-            fn tell_law(&self, each: &mut dyn FnMut(i32)) {
-                match self {
-                    $(Self::$law(state) => state.tell(each),)*
-                }
+            /// Shows the words, and zeros up to those of the largest state.
+            pub(crate) fn tell(&self, each: &mut dyn FnMut(i32)) {
+                let told = match self {
+                    $(Self::$law(state) => {
+                        state.tell(each);
+                        words_of(state)
+                    })*
+                };
+                (told..Self::WORDS).for_each(|_| each(0));
             }
 
-            fn told_law(&mut self, next: &mut dyn FnMut() -> i32) {
-                match self {
-                    $(Self::$law(state) => *state = Words::told(next),)*
-                }
+            /// Takes over the words that a state of the same law [told](Self::tell).
+            pub(crate) fn resume(&mut self, next: &mut dyn FnMut() -> i32) {
+                let told = match self {
+                    $(Self::$law(state) => {
+                        *state = Words::told(next);
+                        words_of(state)
+                    })*
+                };
+                (told..Self::WORDS).for_each(|_| {
+                    next();
+                });
             }
         }
     };
@@ -166,31 +178,8 @@ fn is_law(params: &Params, number: f32) -> bool {
     params.pid_law().to_bits() == number.to_bits()
 }
 
-impl LawState {
-    /// Words of any law's state.
-    pub(crate) const ALL_WORDS: usize = Self::WORDS;
-
-    /// Shows the words, and zeros up to those of the largest state.
-    pub(crate) fn tell(&self, each: &mut dyn FnMut(i32)) {
-        let mut left = Self::WORDS;
-        self.tell_law(&mut |word| {
-            left -= 1;
-            each(word);
-        });
-        (0..left).for_each(|_| each(0));
-    }
-
-    /// Takes over the words that a state of the same law [told](Self::tell).
-    pub(crate) fn resume(&mut self, next: &mut dyn FnMut() -> i32) {
-        let mut left = Self::WORDS;
-        self.told_law(&mut || {
-            left -= 1;
-            next()
-        });
-        for _ in 0..left {
-            let _ = next();
-        }
-    }
+const fn words_of<V: Words>(_: &V) -> usize {
+    V::WORDS
 }
 
 /// Control of an axis: what is measured becomes a crank angle.

@@ -263,12 +263,7 @@ impl Navigation {
     }
 
     /// Goes on behind the sample `raw` from the words that another one [told](State::tell).
-    pub(crate) fn resume(
-        &self,
-        state: &mut State,
-        raw: &RawSample,
-        next: &mut dyn FnMut() -> i32,
-    ) {
+    pub(crate) fn resume(&self, state: &mut State, raw: &RawSample, next: &mut dyn FnMut() -> i32) {
         let kept = Kept::told(next);
         let field_is_due = bool::told(next);
         // Words that were told by no estimator would overflow.

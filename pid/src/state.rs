@@ -8,20 +8,20 @@ pub trait State<T>: Sized {
     const NUMBERS: usize;
 
     /// Shows the numbers, in the order of the fields.
-    fn tell(&self, each: &mut dyn FnMut(T));
+    fn tell(&self, each: &mut impl FnMut(T));
 
     /// The value that [told](Self::tell) these numbers.
-    fn told(next: &mut dyn FnMut() -> T) -> Self;
+    fn told(next: &mut impl FnMut() -> T) -> Self;
 }
 
 impl<T: Scalar> State<T> for T {
     const NUMBERS: usize = 1;
 
-    fn tell(&self, each: &mut dyn FnMut(T)) {
+    fn tell(&self, each: &mut impl FnMut(T)) {
         each(*self);
     }
 
-    fn told(next: &mut dyn FnMut() -> T) -> Self {
+    fn told(next: &mut impl FnMut() -> T) -> Self {
         next()
     }
 }
@@ -30,11 +30,11 @@ impl<T: Scalar> State<T> for T {
 impl<T: Scalar> State<T> for bool {
     const NUMBERS: usize = 1;
 
-    fn tell(&self, each: &mut dyn FnMut(T)) {
+    fn tell(&self, each: &mut impl FnMut(T)) {
         each(if *self { T::ONE } else { T::ZERO });
     }
 
-    fn told(next: &mut dyn FnMut() -> T) -> Self {
+    fn told(next: &mut impl FnMut() -> T) -> Self {
         next() != T::ZERO
     }
 }
@@ -43,12 +43,12 @@ impl<T: Scalar> State<T> for bool {
 impl<T: Scalar, V: State<T> + Copy + Default> State<T> for Option<V> {
     const NUMBERS: usize = 1 + V::NUMBERS;
 
-    fn tell(&self, each: &mut dyn FnMut(T)) {
+    fn tell(&self, each: &mut impl FnMut(T)) {
         self.is_some().tell(each);
         self.unwrap_or_default().tell(each);
     }
 
-    fn told(next: &mut dyn FnMut() -> T) -> Self {
+    fn told(next: &mut impl FnMut() -> T) -> Self {
         let is_some = bool::told(next);
         let value = V::told(next);
         is_some.then_some(value)
@@ -58,13 +58,13 @@ impl<T: Scalar, V: State<T> + Copy + Default> State<T> for Option<V> {
 impl<T: Scalar, V: State<T>, const N: usize> State<T> for [V; N] {
     const NUMBERS: usize = N * V::NUMBERS;
 
-    fn tell(&self, each: &mut dyn FnMut(T)) {
+    fn tell(&self, each: &mut impl FnMut(T)) {
         for value in self {
             value.tell(each);
         }
     }
 
-    fn told(next: &mut dyn FnMut() -> T) -> Self {
+    fn told(next: &mut impl FnMut() -> T) -> Self {
         core::array::from_fn(|_| V::told(next))
     }
 }
@@ -87,12 +87,12 @@ macro_rules! state {
             const NUMBERS: usize = 0 $(+ <$type as $crate::State<T>>::NUMBERS)*;
 
             #[inline(never)]
-            fn tell(&self, each: &mut dyn FnMut(T)) {
+            fn tell(&self, each: &mut impl FnMut(T)) {
                 $(self.$field.tell(each);)*
             }
 
             #[inline(never)]
-            fn told(next: &mut dyn FnMut() -> T) -> Self {
+            fn told(next: &mut impl FnMut() -> T) -> Self {
                 Self { $($field: $crate::State::told(next),)* }
             }
         }
