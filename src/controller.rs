@@ -349,6 +349,7 @@ fn constant_gains(params: &Params) -> Gains {
 
 /// The configuration, without limits, to which gains of the schedule belong in the law that the
 /// parameters choose; `None` for laws whose gains are not scheduled.
+#[cfg(feature = "free-flight")]
 pub(crate) fn scheduled(params: &Params, gains: Gains) -> Option<Config> {
     if is_law(params, 0.0) {
         Some(pid_with(params, gains))

@@ -18,9 +18,8 @@ use crate::board_status::BoardStatus;
 use crate::channel::{Channel, ChannelState};
 use crate::config::{CLOCK_CHANGE, STRETCH_LONGER_US, STRETCH_MAX_US, STRETCH_SHORTER_US};
 use crate::controller;
-use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
-use crate::gain_schedule::GainSchedule;
-use crate::launch::{self, Event, Launch};
+use crate::failsafe::{BootReport, Health, Refusal, State, Supervisor};
+use crate::free_flight::{self, FreeFlight};
 use crate::navigation::{self, Navigation};
 use crate::params::{Change, Info, ParamError, Params, Polarity};
 use crate::servo::PulseUs;
@@ -81,8 +80,7 @@ pub(crate) struct Settings {
     timing: Timing,
     ticks: Ticks,
     navigation: Navigation,
-    launch: launch::Settings,
-    gains: GainSchedule,
+    free_flight: FreeFlight,
     /// Of every axis, steered or not.
     channels: [Channel; Axis::COUNT],
     /// How many of them are steered.
@@ -97,7 +95,7 @@ pub(crate) struct Memory {
     carried: CarriedTicks,
     supervisor: Supervisor,
     navigation: navigation::State,
-    launch: Launch,
+    free_flight: free_flight::State,
     channels: [ChannelState; Axis::COUNT],
     test_pulse: TestPulse,
 }
@@ -108,8 +106,7 @@ impl Settings {
         let timing = params.timing();
         Self {
             navigation,
-            launch: launch::Settings::new(params),
-            gains: GainSchedule::new(params),
+            free_flight: FreeFlight::new(params),
             ticks: Ticks::new(&timing),
             channels: [
                 Channel::new(params, Axis::Pitch),
@@ -132,7 +129,7 @@ impl Memory {
             carried: CarriedTicks::default(),
             supervisor,
             navigation: navigation.at_rest(),
-            launch: Launch::default(),
+            free_flight: free_flight::State::default(),
             channels: [
                 ChannelState::at_rest(params, Axis::Pitch),
                 ChannelState::at_rest(params, Axis::Roll),
@@ -225,7 +222,7 @@ impl Flight {
                         .test(&self.state.navigation.in_body(&sample));
                 }
                 self.state.supervisor.sample(now, sample.time, health);
-                if self.settings.launch.is_needed() {
+                if self.settings.free_flight.is_needed() {
                     self.follow_launch(now, sample.time);
                 }
                 Some(Estimate {
@@ -398,22 +395,15 @@ impl Flight {
     }
 
     /// Release the vehicle at its launch, and end its control with the burn.
-    // Not inlined: most vehicles never need it.
-    #[inline(never)]
     fn follow_launch(&mut self, now: Micros, at: Micros) {
-        let upwards = self.state.navigation.upwards();
-        let command =
-            match self
-                .state
-                .launch
-                .watch(&self.settings.launch, at, upwards, &self.state())
-            {
-                None => return,
-                Some(Event::Launch) => Command::Release,
-                Some(Event::End) => Command::Disarm,
-            };
-        // A vehicle that cannot be released stays armed, with its rudders at neutral.
-        let _ = self.state.supervisor.command(now, command);
+        let flight = self.state();
+        let Self { settings, state } = self;
+        let upwards = state.navigation.upwards();
+        let free_flight = &settings.free_flight;
+        if let Some(order) = free_flight.follow(&mut state.free_flight, at, upwards, &flight) {
+            // A vehicle that cannot be released stays armed, with its rudders at neutral.
+            let _ = state.supervisor.command(now, order);
+        }
     }
 
     /// Standard deviations of the tilt about either axis, and of the heading, deg: as the estimator
@@ -426,7 +416,10 @@ impl Flight {
             .attitude_sd(&self.state.navigation)
             .map(|rad| rad * DEG);
         let tilt = if self.is_free() {
-            self.state.launch.tilt_sd_deg(self.params().gyr_per_g())
+            let Self { settings, state } = self;
+            settings
+                .free_flight
+                .tilt_sd_deg(&state.free_flight, &settings.params)
         } else {
             tilt
         };
@@ -467,11 +460,8 @@ impl Flight {
         let channel = axis.of(settings.channels.each_ref());
         let channel_state = axis.of(state.channels.each_mut());
         match rudder {
-            Rudder::Controlled if is_active && settings.gains.is_constant() => {
-                channel.control(channel_state, sample, None, dt_us);
-            }
             Rudder::Controlled if is_active => {
-                let gains = settings.gains.at(state.launch.seconds());
+                let gains = settings.free_flight.gains(&state.free_flight);
                 channel.control(channel_state, sample, gains.as_ref(), dt_us);
             }
             Rudder::Controlled => channel.show(channel_state, sample, dt_us),
@@ -514,9 +504,8 @@ impl Flight {
     /// The rates alone turn the attitude.
     fn is_free(&self) -> bool {
         let Self { settings, state } = self;
-        state
-            .launch
-            .is_free(&settings.launch, &state.supervisor.state())
+        let flight = state.supervisor.state();
+        settings.free_flight.is_free(&state.free_flight, &flight)
     }
 
     /// Hand the parameters to the channel of an axis.
@@ -559,8 +548,12 @@ impl Flight {
         if self.settings.params.polarity(self.state.test_pulse.axis) == Polarity::Watched {
             self.state.test_pulse = TestPulse::NONE;
         }
-        self.settings.launch = launch::Settings::new(&self.settings.params);
-        self.settings.gains.configure(&self.settings.params);
+        let Settings {
+            free_flight,
+            params,
+            ..
+        } = &mut self.settings;
+        free_flight.configure(params);
         self.settings.timing = self.settings.params.timing();
         self.settings.ticks = Ticks::new(&self.settings.timing);
         self.settings.steered = self.settings.params.axes().len();

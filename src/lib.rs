@@ -35,11 +35,11 @@ pub mod controller;
 pub mod failsafe;
 pub mod flight;
 mod format;
-mod gain_schedule;
+#[cfg_attr(not(feature = "free-flight"), path = "tethered.rs")]
+mod free_flight;
 #[cfg(test)]
 mod golden;
 pub mod guard;
-mod launch;
 pub mod led;
 pub mod mount;
 pub mod navigation;

@@ -12,9 +12,9 @@ use core::fmt;
 use crate::axis::Axis;
 use crate::config::STRETCH_MAX_US;
 use crate::ticks::{TickPlan, Timing};
-use tvc_pid::Gains;
 
-use table::{COUNT, Place};
+use table::COUNT;
+pub(crate) use table::Place;
 pub use table::{Change, DESCRIPTIONS, Description, Info, Range, TABLE};
 
 /// What is known of the way in which a rudder answers, by `SRV_POLARITY` and `SRV2_POLARITY`.
@@ -70,9 +70,6 @@ impl FilterKind {
         self as u8 as f32
     }
 }
-
-/// Rows of the gain schedule, at most.
-pub const SCHEDULE_ROWS: usize = 6;
 
 /// Why a parameter keeps its old value.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -208,15 +205,10 @@ impl Params {
         }
     }
 
-    /// The rows of the gain schedule that are used: time since the release, s, and gains.
-    pub fn schedule(&self) -> impl Iterator<Item = (f32, Gains)> + Clone {
-        // A row's four values stand in a line, one row behind the other.
-        let (first, _) = self.values.split_at(Place::gs1_s as usize).1.as_chunks();
-        let used = self.gs_rows() as usize;
-        first
-            .iter()
-            .take(used.min(SCHEDULE_ROWS))
-            .map(|&[at_s, kp, ki, kd]| (at_s, Gains { kp, ki, kd }))
+    /// The values from a place on, in the order of the table.
+    #[cfg(feature = "free-flight")]
+    pub(crate) fn values_from(&self, place: Place) -> &[f32] {
+        self.values.split_at(place as usize).1
     }
 
     /// The attitude filter.

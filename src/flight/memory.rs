@@ -7,7 +7,7 @@ use super::Flight;
 use crate::axis::Axis;
 use crate::channel::ChannelState;
 use crate::failsafe::Supervisor;
-use crate::launch::Launch;
+use crate::free_flight;
 use crate::navigation;
 use crate::ticks::CarriedTicks;
 use crate::words::Words;
@@ -17,7 +17,7 @@ impl Flight {
     pub const WORDS: usize = 1
         + CarriedTicks::WORDS
         + navigation::State::WORDS
-        + Launch::WORDS
+        + free_flight::State::WORDS
         + Axis::COUNT * ChannelState::WORDS
         + Supervisor::WORDS;
 
@@ -28,7 +28,7 @@ impl Flight {
         each(self.settings.params.digest());
         self.state.carried.tell(each);
         self.state.navigation.tell(each);
-        self.state.launch.tell(each);
+        self.state.free_flight.tell(each);
         for channel in &self.state.channels {
             channel.tell(each);
         }
@@ -56,7 +56,7 @@ impl Flight {
         settings
             .navigation
             .resume(&mut state.navigation, sample, next);
-        state.launch = Words::told(next);
+        state.free_flight = Words::told(next);
         for channel in &mut state.channels {
             channel.resume(next);
         }

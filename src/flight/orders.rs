@@ -74,7 +74,7 @@ impl Flight {
             (Command::Arm, state) if state.is_idle() && timing.is_too_slow() => {
                 Err(Refusal::SlowBus(timing.burst_us()))
             }
-            (Command::Arm, State::Standby) if !self.settings.gains.is_possible() => {
+            (Command::Arm, State::Standby) if !self.settings.free_flight.is_possible() => {
                 Err(Refusal::Schedule)
             }
             (Command::Arm, State::Standby)

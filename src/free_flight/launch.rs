@@ -169,15 +169,14 @@ impl Launch {
 
     /// Standard deviation of the tilt about either axis (deg), which grows while the vehicle [flies
     /// free](Self::is_free): what is uncertain on the pad, the offset that was learned there, the
-    /// gyroscope's noise, and the part of its offset that an acceleration makes, of `per_g` deg/s
-    /// for each g.
+    /// gyroscope's noise, and the part of its offset that an acceleration makes, by `GYR_PER_G`.
     // Not inlined: it is asked for once a second.
     #[inline(never)]
-    pub(crate) fn tilt_sd_deg(&self, per_g: f32) -> f32 {
+    pub(crate) fn tilt_sd_deg(&self, params: &Params) -> f32 {
         let seconds = f32::from(self.seconds());
         let g_seconds = self.felt as f32 * (FELT_CM_S / 980.665);
         let offset = GYR_OFFSET_SD_DEG_S * seconds;
-        let bent = per_g * g_seconds;
+        let bent = params.gyr_per_g() * g_seconds;
         let noise = GYR_NOISE_DEG_RTS * GYR_NOISE_DEG_RTS * seconds;
         root(PAD_TILT_SD_DEG * PAD_TILT_SD_DEG + offset * offset + bent * bent + noise)
     }

@@ -140,9 +140,13 @@ fn the_tilt_is_the_less_certain_the_longer_and_harder_the_flight() {
     for index in 2..2_002 {
         launch.watch(Micros(10_000 * index), 1_961, &ACTIVE);
     }
-    let sd_deg = launch.launch.tilt_sd_deg(0.1);
-    assert!((sd_deg - 4.02).abs() < 0.02, "{sd_deg}");
-    let steady = launch.launch.tilt_sd_deg(0.0);
+    let mut params = Params::default();
+    let mut sd_deg = |per_g| {
+        params.set("GYR_PER_G", per_g).unwrap();
+        launch.launch.tilt_sd_deg(&params)
+    };
+    let (bent, steady) = (sd_deg(0.1), sd_deg(0.0));
+    assert!((bent - 4.02).abs() < 0.02, "{bent}");
     let expected = (0.09_f32 + 0.04 + 0.014 * 0.014 * 20.0).sqrt();
     assert!((steady - expected).abs() < 1e-3, "{steady} {expected}");
 }

@@ -1,15 +1,18 @@
 //! The gain schedule as the parameters configure it: gains of laws 0 and 3 over the time since the
 //! release, for a vehicle whose mass, inertia and air change.
 
-use tvc_pid::{Coefficients, Q16, Schedule};
+use tvc_pid::{Coefficients, Gains, Q16, Schedule};
 
 use crate::controller;
-use crate::params::{Params, SCHEDULE_ROWS};
+use crate::params::{Params, Place};
+
+/// Rows of the schedule, at most.
+const ROWS: usize = 6;
 
 /// Gains over time, linear between rows, constant before the first and behind the last.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GainSchedule {
-    rows: Schedule<Q16, SCHEDULE_ROWS>,
+    rows: Schedule<Q16, ROWS>,
     /// The parameters' rows are not those in force: their times do not rise.
     is_refused: bool,
 }
@@ -26,9 +29,12 @@ impl GainSchedule {
     // Not inlined: who calls it needs the stack for more.
     #[inline(never)]
     pub(crate) fn configure(&mut self, params: &Params) {
-        let rows = params
-            .schedule()
-            .map_while(|(at_s, gains)| Some((at_s, controller::scheduled(params, gains)?)));
+        // A row's four values stand in a line, one row behind the other.
+        let (values, _) = params.values_from(Place::gs1_s).as_chunks();
+        let used = values.iter().take((params.gs_rows() as usize).min(ROWS));
+        let rows = used.map_while(|&[at_s, kp, ki, kd]| {
+            Some((at_s, controller::scheduled(params, Gains { kp, ki, kd })?))
+        });
         self.is_refused = self.rows.set(rows).is_err();
     }
 
