@@ -106,53 +106,5 @@ mod firmware {
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    use tvc_nano::Params;
-    use tvc_nano::config;
-    use tvc_nano::params::{Change, DESCRIPTIONS, TABLE};
-
-    println!(
-        "tvc-nano {}: configuration of the image",
-        env!("CARGO_PKG_VERSION")
-    );
-    println!();
-    println!(
-        "{:<16} {:>9} {:<8} {:<26} {:<9} meaning",
-        "parameter", "default", "unit", "range", "change"
-    );
-    for (info, description) in TABLE.iter().zip(DESCRIPTIONS) {
-        let change = match info.change {
-            Change::Live => "live",
-            Change::Disarmed | Change::Turning | Change::Measured => "disarmed",
-        };
-        println!(
-            "{:<16} {:>9} {:<8} {:<26} {:<9} {}",
-            info.name,
-            info.default,
-            description.unit,
-            info.range.to_string(),
-            change,
-            description.meaning
-        );
-    }
-    println!();
-    let period_us = Params::default().control_period_us();
-    for (name, value, unit) in [
-        ("control rate", 1.0e6 / period_us as f32, "Hz"),
-        ("shortest pulse", config::PULSE_MIN_US, "us"),
-        ("longest pulse", config::PULSE_MAX_US, "us"),
-        ("tilt to arm", config::ARM_TILT_DEG as f32, "deg"),
-        ("tilt to give up", config::FAILSAFE_TILT_DEG as f32, "deg"),
-        (
-            "age of data to give up",
-            config::DATA_AGE_LIMIT_US as f32 / 1_000.0,
-            "ms",
-        ),
-        (
-            "host silence to give up",
-            config::HOST_SILENCE_US as f32 / 1_000_000.0,
-            "s",
-        ),
-    ] {
-        println!("{name:<24} {value:>7.0} {unit}");
-    }
+    eprintln!("this image is for the chip: cargo fly flies it, cargo tvc flash writes it");
 }

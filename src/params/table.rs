@@ -314,102 +314,71 @@ parameters! {
     srv2_polarity: "SRV2_POLARITY", "", OneOf(&[0.0, 1.0, 2.0]), 0.0, Disarmed;
     /// 0: in control the gyroscope alone turns the attitude, as a vehicle in free flight needs it;
     /// 1: the accelerometer corrects it, as one that hangs needs it
-    ["free-flight"]
-    fuse_acc: "FUSE_ACC", "", OneOf(&[0.0, 1.0]), 1.0, Disarmed;
+    ["free-flight"] fuse_acc: "FUSE_ACC", "", OneOf(&[0.0, 1.0]), 1.0, Disarmed;
     /// shift of the gyroscope's offset by an acceleration of 1 g, by which tilt_sd grows
-    ["free-flight"]
-    gyr_per_g: "GYR_PER_G", "deg/s", Between(0.0, 1.0), 0.1, Live;
+    ["free-flight"] gyr_per_g: "GYR_PER_G", "deg/s", Between(0.0, 1.0), 0.1, Live;
     /// acceleration from tail to nose that releases an armed vehicle; 0: an order alone does
-    ["free-flight"]
-    launch_acc: "LAUNCH_ACC", "m/s2", Between(0.0, 100.0), 0.0, Disarmed;
+    ["free-flight"] launch_acc: "LAUNCH_ACC", "m/s2", Between(0.0, 100.0), 0.0, Disarmed;
     /// how long LAUNCH_ACC must last
-    ["free-flight"]
-    launch_s: "LAUNCH_S", "s", Between(0.0, 1.0), 0.1, Disarmed;
+    ["free-flight"] launch_s: "LAUNCH_S", "s", Between(0.0, 1.0), 0.1, Disarmed;
     /// control ends when the acceleration has fallen below this for 0.2 s; 0: it does not
-    ["free-flight"]
-    burnout_acc: "BURNOUT_ACC", "m/s2", Between(0.0, 100.0), 0.0, Disarmed;
+    ["free-flight"] burnout_acc: "BURNOUT_ACC", "m/s2", Between(0.0, 100.0), 0.0, Disarmed;
     /// control ends so long after the release; 0: it does not
-    ["free-flight"]
-    burn_s: "BURN_S", "s", Between(0.0, 600.0), 0.0, Disarmed;
+    ["free-flight"] burn_s: "BURN_S", "s", Between(0.0, 600.0), 0.0, Disarmed;
     /// rate asked for per angle error, in law 3
     cas_angle: "CAS_ANGLE", "1/s", Between(0.1, 50.0), 3.0, Live;
     /// greatest rate asked for, in law 3
     cas_rate: "CAS_RATE", "rad/s", Between(0.0, 20.0), 1.0, Live;
     /// rows of the gain schedule, in laws 0 and 3; 0: PID_KP, PID_KI and PID_KD throughout
-    ["free-flight"]
-    gs_rows: "GS_ROWS", "", OneOf(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), 0.0, Disarmed;
+    ["free-flight"] gs_rows: "GS_ROWS", "", OneOf(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), 0.0, Disarmed;
     /// time from the release at which the gains of row 1 count
-    ["free-flight"]
-    gs1_s: "GS1_S", "s", Between(0.0, 600.0), 0.0, Live;
+    ["free-flight"] gs1_s: "GS1_S", "s", Between(0.0, 600.0), 0.0, Live;
     /// PID_KP at that time
-    ["free-flight"]
-    gs1_kp: "GS1_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
+    ["free-flight"] gs1_kp: "GS1_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
     /// PID_KI at that time
-    ["free-flight"]
-    gs1_ki: "GS1_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
+    ["free-flight"] gs1_ki: "GS1_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
     /// PID_KD at that time
-    ["free-flight"]
-    gs1_kd: "GS1_KD", "s", Between(0.0, 3.0), 0.435, Live;
+    ["free-flight"] gs1_kd: "GS1_KD", "s", Between(0.0, 3.0), 0.435, Live;
     /// time from the release at which the gains of row 2 count
-    ["free-flight"]
-    gs2_s: "GS2_S", "s", Between(0.0, 600.0), 10.0, Live;
+    ["free-flight"] gs2_s: "GS2_S", "s", Between(0.0, 600.0), 10.0, Live;
     /// PID_KP at that time
-    ["free-flight"]
-    gs2_kp: "GS2_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
+    ["free-flight"] gs2_kp: "GS2_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
     /// PID_KI at that time
-    ["free-flight"]
-    gs2_ki: "GS2_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
+    ["free-flight"] gs2_ki: "GS2_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
     /// PID_KD at that time
-    ["free-flight"]
-    gs2_kd: "GS2_KD", "s", Between(0.0, 3.0), 0.435, Live;
+    ["free-flight"] gs2_kd: "GS2_KD", "s", Between(0.0, 3.0), 0.435, Live;
     /// time from the release at which the gains of row 3 count
-    ["free-flight"]
-    gs3_s: "GS3_S", "s", Between(0.0, 600.0), 20.0, Live;
+    ["free-flight"] gs3_s: "GS3_S", "s", Between(0.0, 600.0), 20.0, Live;
     /// PID_KP at that time
-    ["free-flight"]
-    gs3_kp: "GS3_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
+    ["free-flight"] gs3_kp: "GS3_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
     /// PID_KI at that time
-    ["free-flight"]
-    gs3_ki: "GS3_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
+    ["free-flight"] gs3_ki: "GS3_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
     /// PID_KD at that time
-    ["free-flight"]
-    gs3_kd: "GS3_KD", "s", Between(0.0, 3.0), 0.435, Live;
+    ["free-flight"] gs3_kd: "GS3_KD", "s", Between(0.0, 3.0), 0.435, Live;
     /// time from the release at which the gains of row 4 count
-    ["free-flight"]
-    gs4_s: "GS4_S", "s", Between(0.0, 600.0), 30.0, Live;
+    ["free-flight"] gs4_s: "GS4_S", "s", Between(0.0, 600.0), 30.0, Live;
     /// PID_KP at that time
-    ["free-flight"]
-    gs4_kp: "GS4_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
+    ["free-flight"] gs4_kp: "GS4_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
     /// PID_KI at that time
-    ["free-flight"]
-    gs4_ki: "GS4_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
+    ["free-flight"] gs4_ki: "GS4_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
     /// PID_KD at that time
-    ["free-flight"]
-    gs4_kd: "GS4_KD", "s", Between(0.0, 3.0), 0.435, Live;
+    ["free-flight"] gs4_kd: "GS4_KD", "s", Between(0.0, 3.0), 0.435, Live;
     /// time from the release at which the gains of row 5 count
-    ["free-flight"]
-    gs5_s: "GS5_S", "s", Between(0.0, 600.0), 40.0, Live;
+    ["free-flight"] gs5_s: "GS5_S", "s", Between(0.0, 600.0), 40.0, Live;
     /// PID_KP at that time
-    ["free-flight"]
-    gs5_kp: "GS5_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
+    ["free-flight"] gs5_kp: "GS5_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
     /// PID_KI at that time
-    ["free-flight"]
-    gs5_ki: "GS5_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
+    ["free-flight"] gs5_ki: "GS5_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
     /// PID_KD at that time
-    ["free-flight"]
-    gs5_kd: "GS5_KD", "s", Between(0.0, 3.0), 0.435, Live;
+    ["free-flight"] gs5_kd: "GS5_KD", "s", Between(0.0, 3.0), 0.435, Live;
     /// time from the release at which the gains of row 6 count
-    ["free-flight"]
-    gs6_s: "GS6_S", "s", Between(0.0, 600.0), 50.0, Live;
+    ["free-flight"] gs6_s: "GS6_S", "s", Between(0.0, 600.0), 50.0, Live;
     /// PID_KP at that time
-    ["free-flight"]
-    gs6_kp: "GS6_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
+    ["free-flight"] gs6_kp: "GS6_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
     /// PID_KI at that time
-    ["free-flight"]
-    gs6_ki: "GS6_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
+    ["free-flight"] gs6_ki: "GS6_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
     /// PID_KD at that time
-    ["free-flight"]
-    gs6_kd: "GS6_KD", "s", Between(0.0, 3.0), 0.435, Live;
+    ["free-flight"] gs6_kd: "GS6_KD", "s", Between(0.0, 3.0), 0.435, Live;
     /// MAVLink system id, which tells vehicles on one link apart; taken over at the next start
     mav_sysid: "MAV_SYSID", "", Between(1.0, 250.0), SYSTEM_ID as f32, Live;
 }
