@@ -20,14 +20,16 @@ impl fmt::Display for ConfigError {
 
 impl core::error::Error for ConfigError {}
 
+/// `is_right`, or the parameter is refused.
+#[inline(always)]
+pub(crate) fn require(is_right: bool, name: &'static str) -> Result<(), ConfigError> {
+    is_right.then_some(()).ok_or(ConfigError::OutOfRange(name))
+}
+
 /// `value` is finite and above 0.
 #[inline(always)]
 pub(crate) fn positive(value: f32, name: &'static str) -> Result<(), ConfigError> {
-    if value > 0.0 && value.is_finite() {
-        Ok(())
-    } else {
-        Err(ConfigError::OutOfRange(name))
-    }
+    require(value > 0.0 && value.is_finite(), name)
 }
 
 /// `value` is in `low..=high`.
@@ -38,9 +40,5 @@ pub(crate) fn in_range(
     high: f32,
     name: &'static str,
 ) -> Result<(), ConfigError> {
-    if (low..=high).contains(&value) {
-        Ok(())
-    } else {
-        Err(ConfigError::OutOfRange(name))
-    }
+    require((low..=high).contains(&value), name)
 }

@@ -7,8 +7,10 @@
 //! the body turned (then the place has changed, and it becomes the reference) or it has lasted so
 //! long that the drift of the heading would be worse than the field's error.
 
+use core::f32::consts::PI;
+
 use crate::config::Config;
-use crate::error::{ConfigError, in_range, positive};
+use crate::error::{ConfigError, in_range, positive, require};
 use crate::estimator::FieldReference;
 use crate::lag::{self, FieldLag};
 use crate::quaternion::{HalfRows, Quaternion};
@@ -61,21 +63,12 @@ pub struct HeadingError<T> {
 }
 
 /// Horizontal and vertical part of the field, both taken with half rows (uT/2).
-#[derive(Clone, Copy, Debug)]
-struct Parts<T> {
-    horizontal: T,
-    vertical: T,
-}
+type Parts<T> = [T; 2];
 
-impl<T: Real> Parts<T> {
-    /// Of a field with these components in the earth frame, at half size.
-    #[inline(always)]
-    fn new(north: T, east: T, down: T) -> Self {
-        Self {
-            horizontal: (north * north + east * east).sqrt(),
-            vertical: down,
-        }
-    }
+/// Of a field with these components in the earth frame, at half size.
+#[inline(always)]
+fn parts<T: Real>(north: T, east: T, down: T) -> Parts<T> {
+    [(north * north + east * east).sqrt(), down]
 }
 
 /// Declination other than zero.
@@ -86,7 +79,7 @@ struct Declination<T> {
     cos: T,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Field<T> {
     gate: T,
     /// `1 / tau_s`.
@@ -152,10 +145,7 @@ const AVERAGED: u32 = 16;
 
 impl<T: Real> Reference<T> {
     fn new(parts: Parts<T>, gate: T) -> Option<Self> {
-        let Parts {
-            horizontal,
-            vertical,
-        } = parts;
+        let [horizontal, vertical] = parts;
         if horizontal.within(T::from_f32(0.5 * MIN_HORIZONTAL_UT)) {
             return None;
         }
@@ -169,10 +159,8 @@ impl<T: Real> Reference<T> {
 
     /// The weight of a field: 1 where it is like the reference, falling to 0 at the gate.
     fn weight(&self, parts: &Parts<T>) -> T {
-        let own = &self.parts;
-        let horizontal = (parts.horizontal - own.horizontal).abs();
-        let vertical = (parts.vertical - own.vertical).abs();
-        let deviation = (horizontal + vertical) * self.inverse_tolerance;
+        let ([own_h, own_v], [h, v]) = (self.parts, parts);
+        let deviation = ((*h - own_h).abs() + (*v - own_v).abs()) * self.inverse_tolerance;
         STEPS
             .iter()
             .find(|(limit, _)| deviation.within(T::from_f32(*limit)))
@@ -181,35 +169,26 @@ impl<T: Real> Reference<T> {
 
     /// Linear interpolation from `self` towards `parts` by `share`.
     fn moved(&self, parts: &Parts<T>, share: T) -> Parts<T> {
-        let own = &self.parts;
-        Parts {
-            horizontal: own.horizontal + (parts.horizontal - own.horizontal) * share,
-            vertical: own.vertical + (parts.vertical - own.vertical) * share,
-        }
+        let ([own_h, own_v], [h, v]) = (self.parts, parts);
+        [own_h + (*h - own_h) * share, own_v + (*v - own_v) * share]
     }
 }
 
 impl<T: Real> Field<T> {
     pub(crate) fn new<G>(shared: &Config<G>) -> Result<Self, ConfigError> {
         let (config, declination_rad) = (&shared.field, shared.declination_rad);
-        if config.gate.is_nan() || config.gate <= 0.0 {
-            return Err(ConfigError::OutOfRange("field.gate"));
-        }
+        require(config.gate > 0.0, "field.gate")?;
         positive(config.tau_s, "field.tau_s")?;
         positive(config.adopt_s, "field.adopt_s")?;
+        let most_rate = 100.0;
         in_range(
             config.adopt_rate_rad_s,
             0.0,
-            100.0,
+            most_rate,
             "field.adopt_rate_rad_s",
         )?;
         positive(config.reject_s, "field.reject_s")?;
-        in_range(
-            declination_rad,
-            -core::f32::consts::PI,
-            core::f32::consts::PI,
-            "declination_rad",
-        )?;
+        in_range(declination_rad, -PI, PI, "declination_rad")?;
         Ok(Self {
             // Infinity times zero would be NaN: a gate a million times the field is as good as
             // none.
@@ -231,16 +210,8 @@ impl<T: Real> Field<T> {
                 }
             }),
             lag: FieldLag::new(shared.mag_lag_s, shared.mag_lag_prior_rad2_s)?,
-            reference: None,
-            averaged: 0,
-            candidate: None,
-            rejected_s: T::ZERO,
-            since_refresh_s: T::ZERO,
-            since_judged_s: T::ZERO,
-            unjudged: 0,
             weight: T::ONE,
-            disturbed: false,
-            weighted_inverse: T::ZERO,
+            ..Self::default()
         })
     }
 
@@ -261,10 +232,7 @@ impl<T: Real> Field<T> {
 
     /// The reference once it is averaged, uT.
     pub(crate) fn reference(&self) -> Option<FieldReference<T>> {
-        let Parts {
-            horizontal,
-            vertical,
-        } = self.reference.as_ref()?.parts;
+        let [horizontal, vertical] = self.reference.as_ref()?.parts;
         (self.averaged == AVERAGED).then(|| FieldReference {
             horizontal: horizontal + horizontal,
             down: vertical + vertical,
@@ -273,10 +241,7 @@ impl<T: Real> Field<T> {
 
     /// The reference is known from elsewhere, uT.
     pub(crate) fn know(&mut self, field: &FieldReference<T>) {
-        let parts = Parts {
-            horizontal: field.horizontal * T::HALF,
-            vertical: field.down * T::HALF,
-        };
+        let parts = [field.horizontal, field.down].map(|part| part * T::HALF);
         self.reference = Reference::new(parts, self.gate);
         self.averaged = AVERAGED;
         self.candidate = None;
@@ -290,10 +255,7 @@ impl<T: Real> Field<T> {
 
     /// The reference in the earth frame, uT.
     pub(crate) fn expected(&self) -> Option<[T; 3]> {
-        let Parts {
-            horizontal,
-            vertical,
-        } = self.reference.as_ref()?.parts;
+        let [horizontal, vertical] = self.reference.as_ref()?.parts;
         let horizontal = horizontal + horizontal;
         let (north, east) = match self.declination {
             None => (horizontal, T::ZERO),
@@ -304,10 +266,7 @@ impl<T: Real> Field<T> {
 
     /// The field's whole over its horizontal part, squared.
     pub(crate) fn steepness(&self) -> Option<T> {
-        let Parts {
-            horizontal,
-            vertical,
-        } = self.reference.as_ref()?.parts;
+        let [horizontal, vertical] = self.reference.as_ref()?.parts;
         let ratio = vertical * horizontal.recip();
         Some(T::ONE + ratio * ratio)
     }
@@ -340,7 +299,7 @@ impl<T: Real> Field<T> {
         self.since_judged_s += dt;
         self.unjudged = self.unjudged.saturating_add(1);
         if self.unjudged >= JUDGE_SAMPLES && !self.since_judged_s.within(T::from_f32(JUDGE_S)) {
-            let parts = Parts::new(north, east, dot(&rows.down, &now));
+            let parts = parts(north, east, dot(&rows.down, &now));
             self.judge(&parts, rate);
             self.weigh();
             if trusted {
@@ -351,9 +310,8 @@ impl<T: Real> Field<T> {
         if self.weight.within(T::ZERO) {
             return None;
         }
-        let sin = self.weighted_sine(north, east);
         Some(HeadingError {
-            sin,
+            sin: self.weighted_sine(north, east),
             undisturbed: !self.disturbed,
         })
     }
@@ -374,7 +332,7 @@ impl<T: Real> Field<T> {
     #[cold]
     pub(crate) fn begin(&mut self, rows: &HalfRows<T>, mag: &[T; 3]) {
         let (north, east) = (dot(&rows.north, mag), dot(&rows.east, mag));
-        let parts = Parts::new(north, east, dot(&rows.down, mag));
+        let parts = parts(north, east, dot(&rows.down, mag));
         self.reference = Reference::new(parts, self.gate);
         self.averaged = 1;
         self.weigh();
@@ -382,10 +340,8 @@ impl<T: Real> Field<T> {
 
     /// The factor from the field's part across to the weighted sine of the heading error.
     fn weigh(&mut self) {
-        let inverse = self
-            .reference
-            .as_ref()
-            .map_or(T::ZERO, |field| field.inverse_horizontal);
+        let reference = self.reference.as_ref();
+        let inverse = reference.map_or(T::ZERO, |field| field.inverse_horizontal);
         self.weighted_inverse = inverse * self.weight;
     }
 
@@ -419,9 +375,8 @@ impl<T: Real> Field<T> {
         }
         self.rejected_s += self.since_judged_s;
         self.consider(parts, rate);
-        let compass = !parts
-            .horizontal
-            .within(T::from_f32(0.5 * MIN_HORIZONTAL_UT));
+        let [horizontal, _] = parts;
+        let compass = !horizontal.within(T::from_f32(0.5 * MIN_HORIZONTAL_UT));
         if compass && !self.rejected_s.within(self.reject_s) {
             self.weight = T::HALF;
         }
@@ -459,12 +414,10 @@ impl<T: Real> Field<T> {
             }
         };
         let sin = across * self.weighted_inverse;
-        if !along.is_negative() && sin.within(self.weight) {
-            sin
-        } else if sin.is_negative() {
-            -self.weight
+        if along.is_negative() {
+            self.weight.negated(sin.is_negative())
         } else {
-            self.weight
+            sin.limited(self.weight)
         }
     }
 }

@@ -78,8 +78,7 @@ impl<T: Real> View<T> {
     /// come about since the last field, and never more than all of it.
     #[inline(always)]
     pub fn heading_share(&self, per_s: T) -> T {
-        let share = self.gain(per_s, T::ONE) * self.mag_dt;
-        if share.within(T::ONE) { share } else { T::ONE }
+        (self.gain(per_s, T::ONE) * self.mag_dt).at_most(T::ONE)
     }
 }
 

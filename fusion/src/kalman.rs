@@ -22,7 +22,9 @@ use crate::error::{ConfigError, in_range, positive};
 use crate::filter::{Filter, View};
 use crate::quaternion::HalfRows;
 use crate::real::Real;
-use crate::vector::{add_outer, add_scaled, dot, scaled, zero};
+use crate::vector::{
+    Matrix, add, add_diagonal, add_outer, add_scaled, diagonal, dot, scaled, zero,
+};
 
 /// Noise of [`Kalman`], as densities: variance times the time for which noise stays the same.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -56,9 +58,6 @@ impl Default for KalmanGains {
         }
     }
 }
-
-/// Rows of a matrix.
-type Matrix<T> = [[T; 3]; 3];
 
 /// The Kalman filter.
 #[derive(Clone, Debug)]
@@ -115,20 +114,9 @@ impl<T: Real> Filter for Kalman<T> {
     }
 
     fn retune(&mut self, gains: &KalmanGains) -> Result<(), ConfigError> {
-        let Self {
-            attitude,
-            mixed,
-            offset,
-            bias,
-            ..
-        } = *self;
-        *self = Self {
-            attitude,
-            mixed,
-            offset,
-            bias,
-            ..Self::new(gains)?
-        };
+        let new = Self::new(gains)?;
+        (self.gyr, self.gyr_scale, self.bias_walk) = (new.gyr, new.gyr_scale, new.bias_walk);
+        (self.acc, self.mag) = (new.acc, new.mag);
         Ok(())
     }
 
@@ -151,7 +139,7 @@ impl<T: Real> Filter for Kalman<T> {
             self.observe(Axis::Down, heading.sin, self.mag * view.mag_dt.recip());
         }
         let (attitude, offset) = self.found;
-        add_scaled(bias, &offset, T::ONE);
+        add(bias, &offset);
         self.bias = *bias;
         let mut half_angle = scaled(&view.rows.north, attitude[0]);
         add_scaled(&mut half_angle, &view.rows.east, attitude[1]);
@@ -200,8 +188,8 @@ impl<T: Real> Kalman<T> {
             add_scaled(line, &back, -dt);
         }
         let gyr = self.gyr + self.gyr_scale * dot(&view.rate, &view.rate);
-        add_diagonal(&mut self.attitude, [gyr * dt; 3]);
-        add_diagonal(&mut self.offset, [self.bias_walk * dt; 3]);
+        add_diagonal(&mut self.attitude, gyr * dt);
+        add_diagonal(&mut self.offset, self.bias_walk * dt);
     }
 
     /// While starting up and after trouble the attitude is as uncertain as makes its gain that of
@@ -211,19 +199,15 @@ impl<T: Real> Kalman<T> {
             return;
         }
         let least = |density: T, dt: T| {
-            let (share, most) = (view.floor * dt, T::from_f32(MOST_SHARE));
-            let share = if share.within(most) { share } else { most };
+            let share = (view.floor * dt).at_most(T::from_f32(MOST_SHARE));
             // share = P / (P + density / dt)
             density * dt.recip() * share * (T::ONE - share).recip()
         };
         let tilt = least(self.acc, view.dt);
         let heading = least(self.mag, view.mag_dt);
         let [north, east, down] = &mut self.attitude;
-        for (variance, least) in [
-            (&mut north[0], tilt),
-            (&mut east[1], tilt),
-            (&mut down[2], heading),
-        ] {
+        let variances = [&mut north[0], &mut east[1], &mut down[2]];
+        for (variance, least) in variances.into_iter().zip([tilt, tilt, heading]) {
             if *variance < least {
                 *variance = least;
             }
@@ -242,18 +226,6 @@ impl<T: Real> Kalman<T> {
         add_outer(&mut self.mixed, &along, &offset, -inverse);
         add_outer(&mut self.offset, &offset, &offset, -inverse);
     }
-}
-
-fn diagonal<T: Real>(value: T) -> Matrix<T> {
-    let mut matrix = [zero(); 3];
-    add_diagonal(&mut matrix, [value; 3]);
-    matrix
-}
-
-fn add_diagonal<T: Real>([x, y, z]: &mut Matrix<T>, [a, b, c]: [T; 3]) {
-    x[0] += a;
-    y[1] += b;
-    z[2] += c;
 }
 
 #[cfg(test)]

@@ -22,7 +22,7 @@
 //! The accelerometer's lag does not show like that: off the centre of a motion there are
 //! accelerations that go with the turning, which look the same.
 
-use crate::error::{ConfigError, in_range};
+use crate::error::{ConfigError, in_range, require};
 use crate::quaternion::HalfRows;
 use crate::real::Real;
 use crate::vector::{add_scaled, cross, difference, dot, scaled, within};
@@ -59,7 +59,7 @@ pub(crate) fn checked<T: Real>(lag_s: f32, name: &'static str) -> Result<T, Conf
 }
 
 /// The field's lag, learned while the body turns.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct FieldLag<T> {
     /// The lag now, s.
     lag_s: T,
@@ -67,7 +67,7 @@ pub(crate) struct FieldLag<T> {
     learned: Option<Regression<T>>,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Regression<T> {
     /// Means of the field and of its change by a second's turning, earth frame, in parts of the
     /// field.
@@ -84,16 +84,13 @@ impl<T: Real> FieldLag<T> {
     /// `prior`: what the configured lag counts against what is learned, rad^2/s.
     pub(crate) fn new(lag_s: f32, prior: f32) -> Result<Self, ConfigError> {
         let configured = checked::<T>(lag_s, "mag_lag_s")?;
-        if prior.is_nan() || prior <= 0.0 {
-            return Err(ConfigError::OutOfRange("mag_lag_prior_rad2_s"));
-        }
+        require(prior > 0.0, "mag_lag_prior_rad2_s")?;
         Ok(Self {
             lag_s: configured,
             learned: prior.is_finite().then(|| Regression {
-                means: None,
-                waited_s: T::ZERO,
                 product: T::from_f32(prior * lag_s),
                 square: T::from_f32(prior),
+                ..Regression::default()
             }),
         })
     }

@@ -75,10 +75,7 @@ impl<T: Real> Filter for Madgwick<T> {
             return zero();
         }
         let rate = view.gain(self.beta * misfit.recip(), T::ONE);
-        let share = |dt: T| {
-            let share = rate * dt;
-            if share.within(T::ONE) { share } else { T::ONE }
-        };
+        let share = |dt: T| (rate * dt).at_most(T::ONE);
         // A magnetometer that is slower than the loop stands for all samples since its last.
         let mut half_angle = scaled(&tilt, share(view.dt));
         add_scaled(&mut half_angle, &heading, share(view.mag_dt));

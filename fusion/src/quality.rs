@@ -33,6 +33,16 @@ pub enum BiasState {
     Refused,
 }
 
+impl BiasState {
+    pub(crate) fn new(is_refused: bool, is_known: bool) -> Self {
+        match (is_refused, is_known) {
+            (true, _) => Self::Refused,
+            (false, true) => Self::Known,
+            (false, false) => Self::Unknown,
+        }
+    }
+}
+
 /// How far an estimate may be off: standard deviations, and what is known.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -110,8 +120,8 @@ pub(crate) struct Evidence<T> {
 }
 
 /// The variances.
-#[derive(Clone, Debug)]
-pub(crate) struct Doubt<T> {
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Uncertainty<T> {
     /// Of the vertical and of the heading, rad^2.
     tilt: T,
     heading: T,
@@ -121,22 +131,17 @@ pub(crate) struct Doubt<T> {
     /// Of the offset, (rad/s)^2.
     bias: T,
     field_age_s: Option<T>,
-    /// Time that is not accounted for yet, s, and whether there was an undisturbed field in it.
+    /// Time since the last update, s, and whether there was an undisturbed field in it.
     time_s: T,
     good_field: bool,
 }
 
-impl<T: Real> Doubt<T> {
+impl<T: Real> Uncertainty<T> {
     pub(crate) fn new() -> Self {
         Self {
             tilt: T::from_f32(FIRST),
-            heading: T::ZERO,
-            tilt_drift: T::ZERO,
-            heading_drift: T::ZERO,
             bias: T::from_f32(BIAS_UNKNOWN * BIAS_UNKNOWN),
-            field_age_s: None,
-            time_s: T::ZERO,
-            good_field: false,
+            ..Self::default()
         }
     }
 
@@ -179,9 +184,9 @@ impl<T: Real> Doubt<T> {
         (self.tilt_drift, self.heading_drift) = (T::ZERO, T::ZERO);
     }
 
-    /// Accounts for the time that has passed, at this rate, rad/s.
+    /// Brings the variances up to date, at this rate, rad/s.
     #[inline(never)]
-    pub(crate) fn account(&mut self, rate: &[T; 3], evidence: &Evidence<T>) {
+    pub(crate) fn update(&mut self, rate: &[T; 3], evidence: &Evidence<T>) {
         let dt = core::mem::replace(&mut self.time_s, T::ZERO);
         if core::mem::take(&mut self.good_field) {
             self.field_age_s = Some(T::ZERO);
@@ -205,17 +210,11 @@ impl<T: Real> Doubt<T> {
                 (true, false) => own,
             }
         };
-        let tilt = gain(evidence.acc, TILT_PER_S);
-        let heading = gain(self.field_is_fresh(), HEADING_PER_S);
-        step(&mut self.tilt, &mut self.tilt_drift, dt, walk, bias, tilt);
-        step(
-            &mut self.heading,
-            &mut self.heading_drift,
-            dt,
-            walk,
-            bias,
-            heading,
-        );
+        let heading_gain = gain(self.field_is_fresh(), HEADING_PER_S);
+        let tilt = (&mut self.tilt, &mut self.tilt_drift);
+        step(tilt, dt, walk, bias, gain(evidence.acc, TILT_PER_S));
+        let heading = (&mut self.heading, &mut self.heading_drift);
+        step(heading, dt, walk, bias, heading_gain);
     }
 
     fn field_is_fresh(&self) -> bool {
@@ -228,14 +227,7 @@ impl<T: Real> Doubt<T> {
         let place = steepness.map_or(T::ZERO, |ratio| ratio * T::from_f32(HEADING));
         let tilt = self.tilt + self.tilt_drift * self.tilt_drift + T::from_f32(TILT);
         let heading = self.heading + self.heading_drift * self.heading_drift + place;
-        let deviation = |variance: T| {
-            let unknown = T::from_f32(UNKNOWN);
-            if variance.within(unknown) {
-                variance.sqrt()
-            } else {
-                unknown.sqrt()
-            }
-        };
+        let deviation = |variance: T| variance.at_most(T::from_f32(UNKNOWN)).sqrt();
         Quality {
             tilt_rad: deviation(tilt),
             heading_rad: deviation(heading),
@@ -249,16 +241,11 @@ impl<T: Real> Doubt<T> {
 }
 
 /// A step of variance and drift, stable for any product of gain and time.
-fn step<T: Real>(variance: &mut T, drift: &mut T, dt: T, walk: T, bias: T, gain: T) {
+fn step<T: Real>((variance, drift): (&mut T, &mut T), dt: T, walk: T, bias: T, gain: T) {
     let share = gain * dt;
     let left = (T::ONE + share + share).recip();
-    *variance = (*variance + (walk + T::from_f32(NOISE_S) * gain * gain) * dt) * left;
-    *drift = (*drift + bias * dt) * (T::ONE + share).recip();
     let unknown = T::from_f32(UNKNOWN);
-    if !variance.within(unknown) {
-        *variance = unknown;
-    }
-    if !drift.within(unknown) {
-        *drift = unknown;
-    }
+    let grown = *variance + (walk + T::from_f32(NOISE_S) * gain * gain) * dt;
+    *variance = (grown * left).at_most(unknown);
+    *drift = ((*drift + bias * dt) * (T::ONE + share).recip()).at_most(unknown);
 }

@@ -61,12 +61,13 @@ impl<T: Real> HalfRows<T> {
 
 impl<T: Real> Quaternion<T> {
     /// No rotation.
-    pub const IDENTITY: Self = Self {
-        w: T::ONE,
-        x: T::ZERO,
-        y: T::ZERO,
-        z: T::ZERO,
-    };
+    pub const IDENTITY: Self = Self::new(T::ONE, T::ZERO, T::ZERO, T::ZERO);
+
+    /// From components whose squares have a sum of 1.
+    #[inline(always)]
+    pub const fn new(w: T, x: T, y: T, z: T) -> Self {
+        Self { w, x, y, z }
+    }
 
     /// From components of any length; the identity when their sum is below 1e-30 or
     /// above 1e30.
@@ -76,15 +77,21 @@ impl<T: Real> Quaternion<T> {
             return Self::IDENTITY;
         }
         // Scaled first, so that squares neither overflow nor vanish.
-        let k = scale.recip();
-        let (w, x, y, z) = (w * k, x * k, y * k, z * k);
-        let k = (w * w + x * x + y * y + z * z).sqrt().recip();
-        Self {
-            w: w * k,
-            x: x * k,
-            y: y * k,
-            z: z * k,
-        }
+        let q = Self::new(w, x, y, z).times(scale.recip());
+        q.times(q.norm2().sqrt().recip())
+    }
+
+    /// All components times `k`.
+    #[inline(always)]
+    fn times(&self, k: T) -> Self {
+        Self::new(self.w * k, self.x * k, self.y * k, self.z * k)
+    }
+
+    /// The square of the norm.
+    #[inline(always)]
+    pub(crate) fn norm2(&self) -> T {
+        let Self { w, x, y, z } = *self;
+        w * w + x * x + y * y + z * z
     }
 
     /// The rotation by the length of `angle` (rad) about its direction.
@@ -96,21 +103,22 @@ impl<T: Real> Quaternion<T> {
 
     /// The rotation as a vector along its axis, as long as its angle, rad, 0..pi.
     pub fn rotation_vector(&self) -> [T; 3] {
-        let Self { x, y, z, .. } = *self;
-        let sine = (x * x + y * y + z * z).sqrt();
-        let half = sine.atan2(self.w.abs());
+        let (half, sine) = self.half_angle();
         // Of a small rotation the vector part is half the vector.
         let per_sine = if sine.within(T::from_f32(1e-6)) {
             T::ONE
         } else {
             half * sine.recip()
         };
-        let k = if self.w.is_negative() {
-            -per_sine
-        } else {
-            per_sine
-        };
-        scaled(&[x, y, z], k + k)
+        let k = per_sine.negated(self.w.is_negative());
+        scaled(&[self.x, self.y, self.z], k + k)
+    }
+
+    /// Half the angle of the rotation, 0..pi/2, rad, and its sine.
+    fn half_angle(&self) -> (T, T) {
+        let Self { x, y, z, .. } = *self;
+        let sine = (x * x + y * y + z * z).sqrt();
+        (sine.atan2(self.w.abs()), sine)
     }
 
     /// From roll, pitch and yaw.
@@ -144,42 +152,23 @@ impl<T: Real> Quaternion<T> {
     /// From the rows of the rotation matrix: the earth's axes in the body frame (Shepperd's method:
     /// the largest component first, so that no root is taken of a small difference).
     fn from_rows(n: &[T; 3], e: &[T; 3], d: &[T; 3]) -> Self {
+        let (wx, wy, wz) = (d[1] - e[2], n[2] - d[0], e[0] - n[1]);
+        let (xy, xz, yz) = (e[0] + n[1], d[0] + n[2], d[1] + e[2]);
         let trace = n[0] + e[1] + d[2];
-        let (w, x, y, z) = if trace >= n[0] && trace >= e[1] && trace >= d[2] {
-            (T::ONE + trace, d[1] - e[2], n[2] - d[0], e[0] - n[1])
+        if trace >= n[0] && trace >= e[1] && trace >= d[2] {
+            Self::normalised(T::ONE + trace, wx, wy, wz)
         } else if n[0] >= e[1] && n[0] >= d[2] {
-            (
-                d[1] - e[2],
-                T::ONE + n[0] - e[1] - d[2],
-                e[0] + n[1],
-                d[0] + n[2],
-            )
+            Self::normalised(wx, T::ONE + n[0] - e[1] - d[2], xy, xz)
         } else if e[1] >= d[2] {
-            (
-                n[2] - d[0],
-                e[0] + n[1],
-                T::ONE - n[0] + e[1] - d[2],
-                d[1] + e[2],
-            )
+            Self::normalised(wy, xy, T::ONE - n[0] + e[1] - d[2], yz)
         } else {
-            (
-                e[0] - n[1],
-                d[0] + n[2],
-                d[1] + e[2],
-                T::ONE - n[0] - e[1] + d[2],
-            )
-        };
-        Self::normalised(w, x, y, z)
+            Self::normalised(wz, xz, yz, T::ONE - n[0] - e[1] + d[2])
+        }
     }
 
     /// The inverse rotation, earth to body.
     pub fn conj(&self) -> Self {
-        Self {
-            w: self.w,
-            x: -self.x,
-            y: -self.y,
-            z: -self.z,
-        }
+        Self::new(self.w, -self.x, -self.y, -self.z)
     }
 
     /// The same attitude with earth axes east, north, up.
@@ -187,23 +176,13 @@ impl<T: Real> Quaternion<T> {
         let Self { w, x, y, z } = *self;
         // Half a turn about the horizontal between north and east.
         let k = T::from_f32(0.5).sqrt();
-        Self {
-            w: (-x - y) * k,
-            x: (w + z) * k,
-            y: (w - z) * k,
-            z: (y - x) * k,
-        }
+        Self::new(-x - y, w + z, w - z, y - x).times(k)
     }
 
     /// The same attitude with earth axes north, west, up.
     pub fn to_nwu(&self) -> Self {
         // Half a turn about north.
-        Self {
-            w: -self.x,
-            x: self.w,
-            y: -self.z,
-            z: self.y,
-        }
+        Self::new(-self.x, self.w, -self.z, self.y)
     }
 
     /// The product `self * other`: first `other`, then `self`.
@@ -231,14 +210,7 @@ impl<T: Real> Quaternion<T> {
     /// Sine of the pitch, -1..1: cheap, smooth, and enough for a controller near upright.
     pub fn sin_pitch(&self) -> T {
         let half = self.w * self.y - self.x * self.z;
-        let sine = half + half;
-        if sine.within(T::ONE) {
-            sine
-        } else if sine < T::ZERO {
-            -T::ONE
-        } else {
-            T::ONE
-        }
+        (half + half).limited(T::ONE)
     }
 
     /// Pitch in rad, -pi/2..pi/2, positive nose up.
@@ -258,8 +230,7 @@ impl<T: Real> Quaternion<T> {
 
     /// The angle, rad, of the rotation between two orientations, 0..pi.
     pub fn angle_to(&self, other: &Self) -> T {
-        let d = self.conj().mul(other);
-        let half = (d.x * d.x + d.y * d.y + d.z * d.z).sqrt().atan2(d.w.abs());
+        let (half, _) = self.conj().mul(other).half_angle();
         half + half
     }
 
@@ -309,24 +280,17 @@ impl<T: Real> Quaternion<T> {
         let small = T::from_f32(small);
         if h[0].within(small) && h[1].within(small) && h[2].within(small) {
             let Self { w, x, y, z } = *self;
-            *self = Self {
-                w: w - (x * h[0] + y * h[1] + z * h[2]),
-                x: x + (w * h[0] + y * h[2] - z * h[1]),
-                y: y + (w * h[1] + z * h[0] - x * h[2]),
-                z: z + (w * h[2] + x * h[1] - y * h[0]),
-            };
+            self.w = w - (x * h[0] + y * h[1] + z * h[2]);
+            self.x = x + (w * h[0] + y * h[2] - z * h[1]);
+            self.y = y + (w * h[1] + z * h[0] - x * h[2]);
+            self.z = z + (w * h[2] + x * h[1] - y * h[0]);
             return;
         }
         let s = h[0] * h[0] + h[1] * h[1] + h[2] * h[2];
         // s^2 / 24 < 2e-7
         let turn = if s.within(T::from_f32(2e-3)) {
             let k = T::ONE - T::from_f32(1.0 / 6.0) * s;
-            Self {
-                w: T::ONE - T::HALF * s,
-                x: h[0] * k,
-                y: h[1] * k,
-                z: h[2] * k,
-            }
+            Self::new(T::ONE - T::HALF * s, h[0] * k, h[1] * k, h[2] * k)
         } else {
             Self::from_half_angle(*h, s)
         };
@@ -336,14 +300,7 @@ impl<T: Real> Quaternion<T> {
     /// One Newton step of the inverse square root: for a norm that is 1 to first order already.
     #[inline(never)]
     pub(crate) fn restore_norm(&mut self) {
-        let Self { w, x, y, z } = *self;
-        let k = T::from_f32(1.5) - T::HALF * (w * w + x * x + y * y + z * z);
-        *self = Self {
-            w: w * k,
-            x: x * k,
-            y: y * k,
-            z: z * k,
-        };
+        *self = self.times(T::from_f32(1.5) - T::HALF * self.norm2());
     }
 
     #[inline(never)]
@@ -359,12 +316,7 @@ impl<T: Real> Quaternion<T> {
         let c =
             T::ONE - s * (T::HALF - s * (T::from_f32(1.0 / 24.0) - s * T::from_f32(1.0 / 720.0)));
         let k = T::ONE - s * (T::from_f32(1.0 / 6.0) - s * T::from_f32(1.0 / 120.0));
-        let mut turn = Self {
-            w: c,
-            x: h[0] * k,
-            y: h[1] * k,
-            z: h[2] * k,
-        };
+        let mut turn = Self::new(c, h[0] * k, h[1] * k, h[2] * k);
         for _ in 0..halvings {
             turn = turn.mul(&turn);
             // Squaring doubles the error of the norm too.

@@ -97,7 +97,7 @@ pub(crate) struct Range<T> {
     axes: [Axis<T>; 3],
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Axis<T> {
     /// Limits of positive and of negative rates.
     limits: [Limit<T>; 2],
@@ -119,7 +119,7 @@ struct Axis<T> {
 }
 
 /// The limit of an axis in one sense.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Limit<T> {
     /// Rates of a larger size have clipped, rad/s: configured or found.
     size: T,
@@ -127,20 +127,20 @@ struct Limit<T> {
     sure: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+impl<T> Limit<T> {
+    fn sure(size: T) -> Self {
+        Self { size, sure: true }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum State<T> {
+    #[default]
     Clear,
     /// Slope before the crossing (rad/s^2), `None` if not seen; time since the crossing (s).
-    Clipped {
-        slope: Option<T>,
-        time_s: T,
-    },
-    /// One sample after; the slope after needs a second.
-    Leaving {
-        slope: Option<T>,
-        time_s: T,
-        first: T,
-    },
+    Clipped(Option<T>, T),
+    /// The same, and the first rate after; the slope after needs a second.
+    Leaving(Option<T>, T, T),
 }
 
 impl<T: Real> Range<T> {
@@ -186,7 +186,7 @@ impl<T: Real> Range<T> {
         let mut hidden = [Hidden::Nothing; 3];
         self.busy = false;
         for ((axis, rate), hidden) in self.axes.iter_mut().zip(gyr.iter_mut()).zip(&mut hidden) {
-            *rate = clamped(*rate, self.configured);
+            *rate = rate.limited(self.configured);
             *hidden = axis.examine(dt, *rate, self.configured);
             // What an axis remembers must be forgotten when the next sample is not examined.
             self.busy |= axis.last[0].is_some();
@@ -200,14 +200,15 @@ impl<T: Real> Range<T> {
     /// A limit has been found: another like it makes both sure.
     fn compare(&mut self) {
         let configured = self.configured;
-        let mut all = self.axes.iter().flat_map(|axis| axis.limits);
-        let sizes: [T; 6] =
-            core::array::from_fn(|_| all.next().map_or(configured, |limit| limit.size));
+        let sizes = self
+            .axes
+            .each_ref()
+            .map(|axis| axis.limits.map(|limit| limit.size));
         for limit in self.axes.iter_mut().flat_map(|axis| &mut axis.limits) {
             let size = limit.size;
             let near = |other: &&T| (**other - size).within(size * T::from_f32(AGREE));
             // It is like itself.
-            limit.sure |= size < configured && sizes.iter().filter(near).count() > 1;
+            limit.sure |= size < configured && sizes.as_flattened().iter().filter(near).count() > 1;
         }
     }
 }
@@ -215,18 +216,9 @@ impl<T: Real> Range<T> {
 impl<T: Real> Axis<T> {
     fn new(limit: T) -> Self {
         Self {
-            limits: [Limit {
-                size: limit,
-                sure: true,
-            }; 2],
-            fresh: false,
+            limits: [Limit::sure(limit); 2],
             quiet: T::from_f32(MIN_LIMIT),
-            largest: T::ZERO,
-            small: 0,
-            equal: 0,
-            arrival: T::ZERO,
-            last: [None; 2],
-            state: State::Clear,
+            ..Self::default()
         }
     }
 
@@ -260,7 +252,7 @@ impl<T: Real> Axis<T> {
         };
         self.state = match self.state {
             State::Clear if clipped => {
-                let signed = if rate.is_negative() { -limit } else { limit };
+                let signed = limit.negated(rate.is_negative());
                 // Found by staying the same, the limit was crossed before the slope could be seen.
                 let slope = match (last, before) {
                     (Some(last), Some(before)) if !found => Some((last - before) * dt.recip()),
@@ -270,36 +262,21 @@ impl<T: Real> Axis<T> {
                     (Some(slope), Some(last)) => dt - crossing(signed - last, slope, dt),
                     _ => dt,
                 };
-                State::Clipped { slope, time_s }
+                State::Clipped(slope, time_s)
             }
             State::Clear => State::Clear,
-            State::Clipped { slope, time_s } if clipped => State::Clipped {
-                slope,
-                time_s: time_s + dt,
-            },
-            State::Clipped { slope, time_s } => State::Leaving {
-                slope,
-                time_s,
-                first: rate,
-            },
-            State::Leaving {
-                slope,
-                time_s,
-                first,
-            } => {
+            State::Clipped(slope, time_s) if clipped => State::Clipped(slope, time_s + dt),
+            State::Clipped(slope, time_s) => State::Leaving(slope, time_s, rate),
+            State::Leaving(slope, time_s, first) => {
                 let after = (rate - first) * dt.recip();
                 let negative = first.is_negative();
-                let limit = self.limit(negative).size;
-                let signed = if negative { -limit } else { limit };
+                let signed = self.limit(negative).size.negated(negative);
                 let time_s = time_s + dt - crossing(first - signed, after, dt);
                 let slopes = (slope.unwrap_or(-after), after);
                 hidden = self.lost(slopes, time_s, negative);
                 self.fresh = false;
                 if clipped {
-                    State::Clipped {
-                        slope: Some(after),
-                        time_s: dt,
-                    }
+                    State::Clipped(Some(after), dt)
                 } else {
                     State::Clear
                 }
@@ -311,10 +288,7 @@ impl<T: Real> Axis<T> {
 
     /// A rate is beyond the supposed limit, so that there was no clipping.
     fn disprove(&mut self, rate: T, configured: T) -> Hidden<T> {
-        let unlimited = Limit {
-            size: configured,
-            sure: true,
-        };
+        let unlimited = Limit::sure(configured);
         let sure = core::mem::replace(self.limit_mut(rate.is_negative()), unlimited).sure;
         let state = core::mem::replace(&mut self.state, State::Clear);
         self.fresh = false;
@@ -330,7 +304,6 @@ impl<T: Real> Axis<T> {
     fn find_limit(&mut self, dt: T, rate: T, configured: T) -> bool {
         let size = rate.abs();
         let limit = self.limit(rate.is_negative()).size;
-        let mut found = None;
         if size > self.largest {
             self.largest = size;
         }
@@ -340,16 +313,11 @@ impl<T: Real> Axis<T> {
             None => size - self.quiet,
         };
         let below = |share: f32| step.within(self.largest * T::from_f32(share));
-        self.equal = if below(EQUAL) {
-            self.equal.saturating_add(1)
-        } else {
-            0
-        };
-        let first = self.last[0].is_none();
-        if !first && below(SMALL_STEP) && step < self.arrival * T::from_f32(SMALLER) {
-            self.small = self.small.saturating_add(1);
-        } else {
-            self.small = 0;
+        let is_first = self.last[0].is_none();
+        let is_small = !is_first && below(SMALL_STEP) && step < self.arrival * T::from_f32(SMALLER);
+        self.equal = next(self.equal, below(EQUAL));
+        self.small = next(self.small, is_small);
+        if !is_small {
             self.arrival = step;
         }
         let mut learned = false;
@@ -372,13 +340,14 @@ impl<T: Real> Axis<T> {
             if supposed < limit || sharper {
                 learned = limit == configured;
                 self.fresh |= learned;
-                found = Some((supposed, !self.fresh));
+                let sure = !self.fresh;
+                *self.limit_mut(rate.is_negative()) = Limit {
+                    size: supposed,
+                    sure,
+                };
             } else if supposed < T::from_f32(f32::INFINITY) && limit < configured && !self.fresh {
-                found = Some((limit, true));
+                self.limit_mut(rate.is_negative()).sure = true;
             }
-        }
-        if let Some((size, sure)) = found {
-            *self.limit_mut(rate.is_negative()) = Limit { size, sure };
         }
         let quiet = self.largest * T::from_f32(QUIET);
         if quiet > self.quiet {
@@ -393,30 +362,30 @@ impl<T: Real> Axis<T> {
         let limit = self.limit(negative);
         let at_limit = limit.size * time_s;
         let max = at_limit * T::from_f32(MAX_HIDDEN);
-        let size = if area.within(max) { area.abs() } else { max };
         // An area on the wrong side of the limit is not clipping but noise at it.
         let short = time_s.within(T::from_f32(LONGEST_S));
         let peak = short && (area < T::ZERO) == negative;
-        let size = if peak { size } else { T::ZERO };
-        let signed = if negative { -size } else { size };
-        if !limit.sure {
-            return if peak {
-                Hidden::Angle(signed, size * T::from_f32(SUPPOSED_SIGMA))
-            } else {
-                Hidden::Nothing
-            };
+        let size = if peak {
+            area.abs().at_most(max)
+        } else {
+            T::ZERO
+        };
+        let signed = size.negated(negative);
+        match (limit.sure, peak) {
+            (true, _) => {}
+            (false, true) => return Hidden::Angle(signed, size * T::from_f32(SUPPOSED_SIGMA)),
+            (false, false) => return Hidden::Nothing,
         }
         let sigma = at_limit * (T::from_f32(SIGMA.0) + T::from_f32(SIGMA.1) * time_s);
         let (of_area, of_limit) = AREA_SIGMA;
         let bound = area.abs() * T::from_f32(of_area) + at_limit * T::from_f32(of_limit);
-        let sigma = [bound, T::from_f32(MAX_SIGMA)]
-            .into_iter()
-            .fold(
-                sigma,
-                |least, bound| if least.within(bound) { least } else { bound },
-            );
-        Hidden::Angle(signed, sigma)
+        Hidden::Angle(signed, sigma.at_most(bound).at_most(T::from_f32(MAX_SIGMA)))
     }
+}
+
+/// A count of samples in a row, where the next of them belongs to it or not.
+fn next(count: u8, is_next: bool) -> u8 {
+    if is_next { count.saturating_add(1) } else { 0 }
 }
 
 /// Time, within 0..`dt`, in which a rate that changes by `slope` makes up `distance`.
@@ -426,14 +395,6 @@ fn crossing<T: Real>(distance: T, slope: T, dt: T) -> T {
         time_s
     } else {
         T::ZERO
-    }
-}
-
-fn clamped<T: Real>(rate: T, limit: T) -> T {
-    match (rate.within(limit), rate < T::ZERO) {
-        (true, _) => rate,
-        (false, true) => -limit,
-        (false, false) => limit,
     }
 }
 

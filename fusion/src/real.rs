@@ -1,6 +1,6 @@
 //! The scalar that the float filters run on.
 
-use core::ops::{Add, AddAssign, Mul, Neg, Sub};
+use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
 pub(crate) mod sealed {
     pub trait Sealed {}
@@ -21,6 +21,7 @@ pub trait Real:
     + AddAssign
     + Sub<Output = Self>
     + Mul<Output = Self>
+    + Div<Output = Self>
     + Neg<Output = Self>
 {
     /// 0.
@@ -35,7 +36,10 @@ pub trait Real:
     /// Square root; of a negative number NaN, where there is such a thing.
     fn sqrt(self) -> Self;
     /// `1 / self`.
-    fn recip(self) -> Self;
+    #[inline]
+    fn recip(self) -> Self {
+        Self::ONE / self
+    }
     /// Magnitude.
     fn abs(self) -> Self;
     /// `|self| <= limit` for `limit >= 0`, false for NaN. Without an FPU a comparison of bits, ten
@@ -43,6 +47,28 @@ pub trait Real:
     fn within(self, limit: Self) -> bool;
     /// Below zero, or the float's zero with a sign.
     fn is_negative(self) -> bool;
+
+    /// With the other sign, if so.
+    #[inline(always)]
+    fn negated(self, negative: bool) -> Self {
+        if negative { -self } else { self }
+    }
+
+    /// Itself where its size is below a limit, else that limit with the sign of itself.
+    #[inline(always)]
+    fn limited(self, limit: Self) -> Self {
+        if self.within(limit) {
+            self
+        } else {
+            limit.negated(self.is_negative())
+        }
+    }
+
+    /// The smaller one of two that are not negative; of a NaN the other.
+    #[inline(always)]
+    fn at_most(self, limit: Self) -> Self {
+        if self.within(limit) { self } else { limit }
+    }
     /// The nearest `f32`.
     fn to_f32(self) -> f32;
     /// In units of `2^-bits`, towards zero and saturated: for sums that are cheaper in integers.
@@ -67,10 +93,6 @@ impl Real for f32 {
     #[inline]
     fn sqrt(self) -> Self {
         libm::sqrtf(self)
-    }
-    #[inline]
-    fn recip(self) -> Self {
-        1.0 / self
     }
     #[inline(always)]
     fn abs(self) -> Self {
@@ -125,9 +147,6 @@ impl Real for f64 {
     }
     fn sqrt(self) -> Self {
         libm::sqrt(self)
-    }
-    fn recip(self) -> Self {
-        1.0 / self
     }
     fn abs(self) -> Self {
         libm::fabs(self)

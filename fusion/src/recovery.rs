@@ -15,7 +15,7 @@ use crate::config::GRAVITY;
 use crate::quaternion::HalfRows;
 use crate::range::Hidden;
 use crate::real::Real;
-use crate::vector::{add_outer, add_scaled, cross, dot, observe, scaled, zero};
+use crate::vector::{Matrix, add_outer, add_scaled, cross, dot, observe, scaled, zero};
 
 /// The rate beyond the limit, in parts of it and as a density: half of it, correlated for 0.1 s,
 /// `2 * 0.5^2 * 0.1`.
@@ -43,6 +43,8 @@ const LEFT: f32 = 0.35;
 pub(crate) struct Seen<T> {
     /// Specific force, m/s^2.
     pub(crate) acc: Option<[T; 3]>,
+    /// The noise of the vertical that it shows, as a density, rad^2 s.
+    pub(crate) acc_density: T,
     /// Field, uT, in the body frame, and what it should be in the earth frame.
     pub(crate) field: Option<([T; 3], [T; 3])>,
     /// Time since the last field, s.
@@ -53,30 +55,18 @@ pub(crate) struct Seen<T> {
     pub(crate) rate: [T; 3],
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Recovery<T> {
     /// Covariance of the error, rad^2.
-    covariance: [[T; 3]; 3],
+    covariance: Matrix<T>,
     /// The error found in this step, rad.
     error: [T; 3],
     /// The angle by which the attitude was corrected so far about each axis that is clipped, rad.
     given: [Option<T>; 3],
     left_s: T,
-    acc_density: T,
 }
 
 impl<T: Real> Recovery<T> {
-    /// `acc_density`: of the vertical that the accelerometer shows, rad^2 s.
-    pub(crate) fn new(acc_density: T) -> Self {
-        Self {
-            covariance: [zero(); 3],
-            error: zero(),
-            given: [None; 3],
-            left_s: T::ZERO,
-            acc_density,
-        }
-    }
-
     /// Whether a rate is clipped, or was within [`LASTING_S`].
     #[inline(always)]
     pub(crate) fn is_active(&self) -> bool {
@@ -102,16 +92,18 @@ impl<T: Real> Recovery<T> {
         self.left_s = self.left_s - dt;
         let axes = columns(rows);
         let mut heading_variance = T::ZERO;
-        for ((axis, hidden), given) in axes.iter().zip(hidden).zip(0..) {
+        let mut given = self.given;
+        for ((axis, hidden), given) in axes.iter().zip(hidden).zip(&mut given) {
             heading_variance += self.axis(dt, axis, *hidden, given);
         }
+        self.given = given;
         if !self.is_active() {
             return (zero(), heading_variance);
         }
         if let Some(acc) = seen.acc {
             let up = scaled(&rows.rotate(&acc), T::from_f32(1.0 / GRAVITY));
             let expected = [T::ZERO, T::ZERO, -T::ONE];
-            self.observe(&up, &expected, self.acc_density * dt.recip());
+            self.observe(&up, &expected, seen.acc_density * dt.recip());
         }
         if let Some((field, expected)) = &seen.field {
             self.compare(rows, seen, field, expected);
@@ -126,17 +118,13 @@ impl<T: Real> Recovery<T> {
     }
 
     /// What an axis hides; the variance that the heading gains by it.
-    fn axis(&mut self, dt: T, axis: &[T; 3], hidden: Hidden<T>, index: usize) -> T {
-        let Some(given) = self.given.get_mut(index) else {
-            return T::ZERO;
-        };
+    fn axis(&mut self, dt: T, axis: &[T; 3], hidden: Hidden<T>, given: &mut Option<T>) -> T {
         match hidden {
             Hidden::Nothing => T::ZERO,
             Hidden::Rate(limit) => {
                 given.get_or_insert(T::ZERO);
                 self.left_s = T::from_f32(LASTING_S);
-                let variance = limit * limit * T::from_f32(EXCESS_S) * dt;
-                self.widen(axis, variance);
+                self.widen(axis, limit * limit * T::from_f32(EXCESS_S) * dt);
                 T::ZERO
             }
             Hidden::Angle(angle, sigma) => {
@@ -176,11 +164,8 @@ impl<T: Real> Recovery<T> {
             // More samples in a time of correlation say no more than one.
             let samples = T::from_f32(FIELD_S) * seen.field_dt.recip();
             let samples = if samples > T::ONE { samples } else { T::ONE };
-            self.observe(
-                &rows.rotate(&field),
-                &scaled(expected, scale),
-                noise * samples,
-            );
+            let (field, expected) = (rows.rotate(&field), scaled(expected, scale));
+            self.observe(&field, &expected, noise * samples);
         }
     }
 
@@ -201,8 +186,7 @@ impl<T: Real> Recovery<T> {
     /// The Kalman filter's update: the error along `row` is by `left` larger than what was found of
     /// it.
     fn update(&mut self, row: &[T; 3], left: T, variance: T) {
-        let filter = (&mut self.error, &mut self.covariance);
-        observe(filter, row, left, variance);
+        observe((&mut self.error, &mut self.covariance), row, left, variance);
     }
 }
 

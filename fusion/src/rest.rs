@@ -5,7 +5,8 @@
 //! gyroscope then shows is offset. Block averages cost little and see through vibration, whose mean
 //! is zero.
 
-use crate::error::{ConfigError, positive};
+use crate::error::{ConfigError, in_range, positive, require};
+use crate::quality::BiasState;
 use crate::real::Real;
 use crate::vector::{add_scaled, difference, within, zero};
 
@@ -62,7 +63,7 @@ const DRIFT_M_S2: f32 = 0.1;
 const GYR_BITS: u8 = 22;
 const ACC_BITS: u8 = 16;
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Rest<T> {
     rate_limit: T,
     acc_limit: T,
@@ -71,7 +72,7 @@ pub(crate) struct Rest<T> {
     /// Blocks that make a rest.
     needed: u32,
     /// Blocks that the offset is averaged over.
-    memory: u32,
+    most_learned: u32,
     block: Block<T>,
     reference: Option<([T; 3], [T; 3])>,
     /// Consecutive blocks at rest.
@@ -89,7 +90,7 @@ pub(crate) struct Rest<T> {
     refused: u32,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Block<T> {
     gyr: [i32; 3],
     acc: [i32; 3],
@@ -97,29 +98,14 @@ struct Block<T> {
     time_s: T,
 }
 
-impl<T: Real> Block<T> {
-    fn empty() -> Self {
-        Self {
-            gyr: [0, 0, 0],
-            acc: [0, 0, 0],
-            count: 0,
-            time_s: T::ZERO,
-        }
-    }
-}
-
 impl<T: Real> Rest<T> {
     pub(crate) fn new(config: &RestConfig) -> Result<Self, ConfigError> {
-        if !(config.rate_rad_s >= 0.0 && config.rate_rad_s.is_finite()) {
-            return Err(ConfigError::OutOfRange("rest.rate_rad_s"));
-        }
+        in_range(config.rate_rad_s, 0.0, f32::MAX, "rest.rate_rad_s")?;
         positive(config.acc_m_s2, "rest.acc_m_s2")?;
         positive(config.time_s, "rest.time_s")?;
         positive(config.max_bias_rad_s, "rest.max_bias_rad_s")?;
         positive(config.tau_s, "rest.tau_s")?;
-        if config.motion_tilt_rad.is_nan() || config.motion_tilt_rad <= 0.0 {
-            return Err(ConfigError::OutOfRange("rest.motion_tilt_rad"));
-        }
+        require(config.motion_tilt_rad > 0.0, "rest.motion_tilt_rad")?;
         let blocks = |time_s: f32| ((time_s / BLOCK_S + 0.5) as u32).max(1);
         Ok(Self {
             rate_limit: T::from_f32(config.rate_rad_s),
@@ -127,21 +113,20 @@ impl<T: Real> Rest<T> {
             max_bias: T::from_f32(config.max_bias_rad_s),
             block_s: T::from_f32(BLOCK_S),
             needed: blocks(config.time_s),
-            memory: blocks(config.tau_s),
-            block: Block::empty(),
-            reference: None,
-            still: 0,
-            mean: zero(),
-            held: 0,
-            learned: 0,
-            moved: false,
-            refused: 0,
+            most_learned: blocks(config.tau_s),
+            ..Self::default()
         })
     }
 
     /// Whether the last blocks were at rest.
     pub(crate) fn is_at_rest(&self) -> bool {
         self.still >= self.needed
+    }
+
+    /// What is known of the offset. Refused, the last blocks show a steady rate that is larger than
+    /// an offset can be: a turn about the vertical, or an offset that is not learned.
+    pub(crate) fn bias_state(&self) -> BiasState {
+        BiasState::new(self.refused >= self.needed, self.is_bias_known())
     }
 
     /// An offset was learned, or is known from elsewhere.
@@ -154,12 +139,6 @@ impl<T: Real> Rest<T> {
         self.moved
     }
 
-    /// The last blocks show a steady rate that is larger than an offset can be: a turn about the
-    /// vertical, or an offset that is not learned.
-    pub(crate) fn is_bias_refused(&self) -> bool {
-        self.refused >= self.needed
-    }
-
     /// An offset is known from elsewhere, as well as a shortest rest shows it.
     pub(crate) fn know(&mut self) {
         self.learned = self.learned.max(self.needed);
@@ -169,10 +148,10 @@ impl<T: Real> Rest<T> {
     #[cfg(feature = "offline")]
     pub(crate) fn reversed(&self) -> Self {
         Self {
-            block: Block::empty(),
+            block: Block::default(),
             reference: None,
-            still: 0,
             mean: zero(),
+            still: 0,
             held: 0,
             refused: 0,
             ..*self
@@ -181,7 +160,7 @@ impl<T: Real> Rest<T> {
 
     /// Samples are missing: end the rest under way, but keep what was learned.
     pub(crate) fn interrupt(&mut self) {
-        self.block = Block::empty();
+        self.block = Block::default();
         self.reference = None;
         (self.still, self.refused) = (0, 0);
     }
@@ -203,7 +182,7 @@ impl<T: Real> Rest<T> {
     #[cold]
     #[inline(never)]
     fn close_block(&mut self, bias: &mut [T; 3]) {
-        let block = core::mem::replace(&mut self.block, Block::empty());
+        let block = core::mem::take(&mut self.block);
         let per_sample = T::from_f32(block.count as f32).recip();
         let mean = |sum: [i32; 3], bits: u8| {
             let k = per_sample * T::from_f32(1.0 / (1u32 << (bits & 31)) as f32);
@@ -219,7 +198,8 @@ impl<T: Real> Rest<T> {
             near(&gyr, gyr_ref, self.rate_limit * tight) && near(&acc, acc_ref, self.acc_limit)
         });
         let small = within(&gyr, self.max_bias);
-        self.refused = if steady && !small {
+        let is_refused = steady && !small;
+        self.refused = if is_refused {
             self.refused.saturating_add(1)
         } else {
             0
@@ -234,14 +214,10 @@ impl<T: Real> Rest<T> {
         }
         self.still = self.still.saturating_add(1);
         if self.still >= self.needed {
-            self.learned = self
-                .learned
-                .saturating_add(self.held)
-                .min(self.memory)
-                .max(self.held);
+            let learned = self.learned.saturating_add(self.held);
+            self.learned = learned.min(self.most_learned).max(self.held);
             let share = T::from_f32(self.held as f32) * T::from_f32(self.learned as f32).recip();
-            let mean = self.mean;
-            step_towards(bias, &mean, share);
+            step_towards(bias, &self.mean, share);
             self.mean = gyr;
             self.held = 1;
         } else {

@@ -2,6 +2,9 @@
 
 use crate::real::Real;
 
+/// Rows of a matrix.
+pub(crate) type Matrix<T> = [[T; 3]; 3];
+
 /// The vector without a length.
 #[inline(always)]
 pub(crate) fn zero<T: Real>() -> [T; 3] {
@@ -28,6 +31,14 @@ pub(crate) fn add_scaled<T: Real>(sum: &mut [T; 3], v: &[T; 3], k: T) {
     sum[2] += v[2] * k;
 }
 
+/// `sum += v`
+#[inline(always)]
+pub(crate) fn add<T: Real>(sum: &mut [T; 3], v: &[T; 3]) {
+    sum[0] += v[0];
+    sum[1] += v[1];
+    sum[2] += v[2];
+}
+
 /// `a - b`
 #[inline(always)]
 pub(crate) fn difference<T: Real>(a: &[T; 3], b: &[T; 3]) -> [T; 3] {
@@ -50,8 +61,22 @@ pub(crate) fn cross<T: Real>(a: &[T; 3], b: &[T; 3]) -> [T; 3] {
     ]
 }
 
+/// The matrix with this number along its diagonal and 0 beside it.
+pub(crate) fn diagonal<T: Real>(value: T) -> Matrix<T> {
+    let mut matrix = Matrix::default();
+    add_diagonal(&mut matrix, value);
+    matrix
+}
+
+/// `matrix += value I`
+pub(crate) fn add_diagonal<T: Real>([x, y, z]: &mut Matrix<T>, value: T) {
+    x[0] += value;
+    y[1] += value;
+    z[2] += value;
+}
+
 /// `matrix += left right^T k`
-pub(crate) fn add_outer<T: Real>(matrix: &mut [[T; 3]; 3], left: &[T; 3], right: &[T; 3], k: T) {
+pub(crate) fn add_outer<T: Real>(matrix: &mut Matrix<T>, left: &[T; 3], right: &[T; 3], k: T) {
     for (line, part) in matrix.iter_mut().zip(left) {
         add_scaled(line, right, *part * k);
     }
@@ -60,7 +85,7 @@ pub(crate) fn add_outer<T: Real>(matrix: &mut [[T; 3]; 3], left: &[T; 3], right:
 /// A Kalman filter's update: `row . state` is seen to be larger by `left`, with this variance.
 /// Where rounding has made a variance negative along the row, nothing is learned.
 pub(crate) fn observe<T: Real>(
-    (state, covariance): (&mut [T; 3], &mut [[T; 3]; 3]),
+    (state, covariance): (&mut [T; 3], &mut Matrix<T>),
     row: &[T; 3],
     left: T,
     variance: T,

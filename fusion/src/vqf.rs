@@ -101,10 +101,8 @@ impl<T: Real> Filter for Vqf<T> {
 
     fn retune(&mut self, gains: &VqfGains) -> Result<(), ConfigError> {
         let smooth = self.smooth;
-        *self = Self {
-            smooth,
-            ..Self::new(gains)?
-        };
+        *self = Self::new(gains)?;
+        self.smooth = smooth;
         Ok(())
     }
 

@@ -3,7 +3,7 @@
 use crate::config::GRAVITY;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
-use crate::vector::{add_scaled, scaled};
+use crate::vector::{add, scaled};
 
 /// One sample of the sensors, all in the same body axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,7 +69,7 @@ impl<T: Real> Attitude<T> {
     /// and in steady motion.
     pub fn linear_acceleration(&self, acc: &[f32; 3]) -> [T; 3] {
         let mut motion = acc.map(T::from_f32);
-        add_scaled(&mut motion, &self.gravity(), T::ONE);
+        add(&mut motion, &self.gravity());
         motion
     }
 

@@ -47,18 +47,18 @@ mod attitude;
 mod state;
 
 use crate::config::{Config, GRAVITY};
-use crate::error::{ConfigError, in_range, positive};
+use crate::error::{ConfigError, in_range, positive, require};
 use crate::field::{Field, HeadingError, plausible};
 use crate::filter::{Filter, View};
 use crate::lag;
 use crate::motion_bias::MotionBias;
-use crate::quality::{BiasState, Doubt, Evidence, Quality};
+use crate::quality::{Evidence, Quality, Uncertainty};
 use crate::quaternion::{HalfRows, Quaternion};
 use crate::range::{Hidden, Range};
 use crate::real::Real;
 use crate::recovery::{Recovery, Seen};
 use crate::rest::Rest;
-use crate::vector::{add_scaled, difference, dot, scaled, within, zero};
+use crate::vector::{add, add_scaled, difference, dot, scaled, within, zero};
 
 pub use attitude::{Attitude, Flags, Sample};
 pub use state::{FieldReference, State};
@@ -81,7 +81,7 @@ const NORM_STEPS: u8 = 8;
 const SHORT_TURN: f32 = 2e-3;
 
 /// Steps between two updates of the deviations.
-const DOUBT_STEPS: u8 = 64;
+const UNCERTAINTY_STEPS: u8 = 64;
 
 /// Age at which a running mean has become as slow as the slowest filter, s.
 const SETTLED_S: f32 = 10.0;
@@ -96,7 +96,7 @@ pub struct Estimator<F: Filter> {
     motion_bias: Option<MotionBias<F::Real>>,
     range: Range<F::Real>,
     recovery: Recovery<F::Real>,
-    doubt: Doubt<F::Real>,
+    uncertainty: Uncertainty<F::Real>,
     orientation: Quaternion<F::Real>,
     steps: u8,
     /// Correction found in the last update, applied with the next integration (half rotation
@@ -140,9 +140,7 @@ impl<F: Filter> Estimator<F> {
     /// # Errors
     /// A parameter that is not finite or out of its range, by name.
     pub fn new(config: &Config<F::Gains>) -> Result<Self, ConfigError> {
-        if config.acc_gate.is_nan() || config.acc_gate <= 0.0 {
-            return Err(ConfigError::OutOfRange("acc_gate"));
-        }
+        require(config.acc_gate > 0.0, "acc_gate")?;
         in_range(config.gyro_range_rad_s, 0.1, 200.0, "gyro_range_rad_s")?;
         positive(config.recovery_rad2_s, "recovery_rad2_s")?;
         in_range(config.gap_s, 0.001, 10.0, "gap_s")?;
@@ -159,8 +157,8 @@ impl<F: Filter> Estimator<F> {
             rest: Rest::new(&config.rest)?,
             motion_bias: MotionBias::new(&config.rest).filter(|_| F::CORRECTS && !F::FINDS_BIAS),
             range: Range::new(config.gyro_range_rad_s),
-            recovery: Recovery::new(real(config.recovery_rad2_s)),
-            doubt: Doubt::new(),
+            recovery: Recovery::default(),
+            uncertainty: Uncertainty::new(),
             orientation: Quaternion::IDENTITY,
             steps: 0,
             pending: zero(),
@@ -204,14 +202,8 @@ impl<F: Filter> Estimator<F> {
     /// How far the estimate may be off: standard deviations, brought up to date every 64
     /// steps.
     pub fn quality(&self) -> Quality<F::Real> {
-        let bias = if self.rest.is_bias_refused() {
-            BiasState::Refused
-        } else if self.rest.is_bias_known() {
-            BiasState::Known
-        } else {
-            BiasState::Unknown
-        };
-        self.doubt.quality(self.field.steepness(), bias)
+        let (steepness, bias) = (self.field.steepness(), self.rest.bias_state());
+        self.uncertainty.quality(steepness, bias)
     }
 
     /// How late the field is behind the rates, s: as configured, or as learned since.
@@ -293,7 +285,7 @@ impl<F: Filter> Estimator<F> {
             starting: !self.flags.initialised,
         };
         self.pending = self.filter.correction(&view, &mut self.bias);
-        self.doubt(&view);
+        self.update_uncertainty(&view);
         if hidden.is_some() || self.recovery.is_active() {
             self.recover(&view, hidden, sample);
         }
@@ -317,7 +309,7 @@ impl<F: Filter> Estimator<F> {
                 &mut self.bias,
             )
         {
-            self.doubt.narrow_bias(motion_bias.variance());
+            self.uncertainty.narrow_bias(motion_bias.variance());
         }
     }
 
@@ -330,17 +322,17 @@ impl<F: Filter> Estimator<F> {
 
     /// Deviations are brought up to date now and then.
     #[inline(always)]
-    fn doubt(&mut self, view: &View<F::Real>) {
+    fn update_uncertainty(&mut self, view: &View<F::Real>) {
         let good = view.heading.as_ref().is_some_and(|seen| seen.undisturbed);
-        self.doubt.pass(view.dt, good);
-        if self.steps.is_multiple_of(DOUBT_STEPS) {
+        self.uncertainty.pass(view.dt, good);
+        if self.steps.is_multiple_of(UNCERTAINTY_STEPS) {
             let evidence = Evidence {
                 acc: view.acc.is_some(),
                 floor: view.floor,
                 clipped: self.flags.over_range,
                 rest: self.flags.at_rest,
             };
-            self.doubt.account(&self.rate, &evidence);
+            self.uncertainty.update(&self.rate, &evidence);
         }
     }
 
@@ -362,7 +354,7 @@ impl<F: Filter> Estimator<F> {
         let seen = within(&sample.acc, MAX_ACC) && self.align(&sample.acc.map(real), mag.as_ref());
         self.flags.acc_rejected = !seen;
         if seen {
-            self.doubt.restart();
+            self.uncertainty.restart();
             self.phase = Phase::Settling;
         }
     }
@@ -396,7 +388,7 @@ impl<F: Filter> Estimator<F> {
     /// The attitude's variance has grown (rad^2): corrections become faster.
     #[cold]
     fn unsettle(&mut self, variance: F::Real) {
-        self.doubt.widen(variance);
+        self.uncertainty.widen(variance);
         if self.phase == Phase::Running {
             self.age = F::Real::from_f32(SETTLED_S);
         }
@@ -417,6 +409,7 @@ impl<F: Filter> Estimator<F> {
         let mag = sample.mag.map(|mag| mag.map(F::Real::from_f32));
         let seen = Seen {
             acc: view.acc.filter(|_| F::CORRECTS),
+            acc_density: self.acc_density,
             field: mag
                 .filter(|mag| F::CORRECTS && plausible(mag))
                 .zip(self.field.expected()),
@@ -427,7 +420,7 @@ impl<F: Filter> Estimator<F> {
         let hidden = hidden.unwrap_or([Hidden::Nothing; 3]);
         let (half_angle, heading_variance) =
             self.recovery.step(view.dt, &view.rows, &hidden, &seen);
-        add_scaled(&mut self.pending, &half_angle, F::Real::ONE);
+        add(&mut self.pending, &half_angle);
         if heading_variance > F::Real::ZERO {
             self.unsettle(heading_variance);
         }
@@ -456,12 +449,11 @@ impl<F: Filter> Estimator<F> {
             self.first_heading(&mag);
             return None;
         }
-        let error = if plausible(&mag) {
-            let trusted = !self.recovery.is_active();
-            self.field.heading(dt, rows, &mag, &self.rate, trusted)
-        } else {
-            None
-        };
+        let trusted = !self.recovery.is_active();
+        let error = Some(mag).filter(plausible).and_then(|mag| {
+            let (field, rate) = (&mut self.field, &self.rate);
+            field.heading(dt, rows, &mag, rate, trusted)
+        });
         self.flags.mag_disturbed = error.as_ref().is_none_or(|error| !error.undisturbed);
         error
     }

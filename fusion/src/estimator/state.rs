@@ -1,14 +1,12 @@
 //! What an estimator knows, read, kept and set from outside.
 
 use super::{Estimator, Phase, SETTLED_S};
-use crate::error::ConfigError;
+use crate::error::{ConfigError, require};
 use crate::filter::Filter;
-use crate::quaternion::{Euler, Quaternion};
+use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::recovery::Recovery;
 
-#[cfg(feature = "offline")]
-use crate::vector::scaled;
 use crate::vector::{within, zero};
 
 /// Strength of the field that counts as undisturbed, uT (or the magnetometer's own unit).
@@ -61,19 +59,19 @@ impl<F: Filter> Estimator<F> {
     /// A part that is not finite or makes no sense, by name; then nothing is changed.
     pub fn restore(&mut self, state: &State<F::Real>) -> Result<(), ConfigError> {
         let finite = |v: &F::Real| v.within(F::Real::from_f32(f32::MAX));
-        if let Some(Quaternion { w, x, y, z }) = state.orientation {
-            let off = (w * w + x * x + y * y + z * z - F::Real::ONE).abs();
-            refuse(!off.within(F::Real::from_f32(0.01)), "state.orientation")?;
+        if let Some(orientation) = &state.orientation {
+            let off = orientation.norm2() - F::Real::ONE;
+            require(off.within(F::Real::from_f32(0.01)), "state.orientation")?;
         }
         if let Some(bias) = &state.bias {
-            refuse(!within(bias, F::Real::from_f32(MAX_BIAS)), "state.bias")?;
+            require(within(bias, F::Real::from_f32(MAX_BIAS)), "state.bias")?;
         }
         if let Some(field) = &state.field {
             let whole = field.horizontal > F::Real::ZERO && finite(&field.horizontal);
-            refuse(!whole || !finite(&field.down), "state.field")?;
+            require(whole && finite(&field.down), "state.field")?;
         }
         if let Some(lag_s) = &state.mag_lag_s {
-            refuse(!lag_s.within(F::Real::from_f32(0.1)), "state.mag_lag_s")?;
+            require(lag_s.within(F::Real::from_f32(0.1)), "state.mag_lag_s")?;
         }
 
         if let Some(Quaternion { w, x, y, z }) = state.orientation {
@@ -83,7 +81,7 @@ impl<F: Filter> Estimator<F> {
             self.phase = Phase::Settling;
             self.age = F::Real::from_f32(SETTLED_S);
             self.flags.initialised = true;
-            self.doubt.know_attitude();
+            self.uncertainty.know_attitude();
         }
         if let Some(bias) = state.bias {
             self.set_bias(bias);
@@ -101,18 +99,15 @@ impl<F: Filter> Estimator<F> {
     pub fn set_bias(&mut self, bias: [F::Real; 3]) {
         self.bias = bias;
         self.rest.know();
-        self.doubt.know_bias();
+        self.uncertainty.know_bias();
     }
 
     /// Turns the estimate about the vertical to a heading, rad from north to east, where a
     /// magnetometer is missing or is not to be waited for. A field turns it back.
     pub fn set_heading(&mut self, yaw_rad: F::Real) {
         let turn = yaw_rad - self.orientation.euler().yaw_rad;
-        let about_down = Quaternion::from_euler(&Euler {
-            roll_rad: F::Real::ZERO,
-            pitch_rad: F::Real::ZERO,
-            yaw_rad: turn,
-        });
+        let (sin, cos) = (turn * F::Real::HALF).sin_cos();
+        let about_down = Quaternion::new(cos, F::Real::ZERO, F::Real::ZERO, sin);
         self.interrupt_motion_bias();
         self.orientation = about_down.mul(&self.orientation);
         self.orientation.restore_norm();
@@ -131,7 +126,7 @@ impl<F: Filter> Estimator<F> {
     pub fn reset(&mut self) {
         self.rest.interrupt();
         self.interrupt_motion_bias();
-        self.recovery = Recovery::new(self.acc_density);
+        self.recovery = Recovery::default();
         self.orientation = Quaternion::IDENTITY;
         (self.pending, self.rate) = (zero(), zero());
         self.flags = Default::default();
@@ -149,13 +144,13 @@ impl<F: Filter> Estimator<F> {
             rest: self.rest.reversed(),
             motion_bias: None,
             range: self.range.reversed(),
-            recovery: Recovery::new(self.acc_density),
-            rate: scaled(&self.rate, -F::Real::ONE),
-            bias: scaled(&self.bias, -F::Real::ONE),
+            recovery: Recovery::default(),
+            rate: self.rate.map(|rate| -rate),
+            bias: self.bias.map(|bias| -bias),
             half_gyr_lag_s: -self.half_gyr_lag_s,
             acc_lag_s: -self.acc_lag_s,
             mag_dt: F::Real::ZERO,
-            doubt: self.doubt.clone(),
+            uncertainty: self.uncertainty.clone(),
             ..*self
         })
     }
@@ -174,11 +169,3 @@ impl<F: Filter> Estimator<F> {
 
 /// Largest offset, rad/s: more than any gyroscope's full scale.
 const MAX_BIAS: f32 = 100.0;
-
-fn refuse(wrong: bool, name: &'static str) -> Result<(), ConfigError> {
-    if wrong {
-        Err(ConfigError::OutOfRange(name))
-    } else {
-        Ok(())
-    }
-}

@@ -179,13 +179,8 @@ impl Rest {
 
     /// What is known of the offset.
     pub(super) fn bias_state(&self, state: &RestState) -> BiasState {
-        if state.refused >= self.needed {
-            BiasState::Refused
-        } else if state.missing == 0 || state.early == 0 {
-            BiasState::Known
-        } else {
-            BiasState::Unknown
-        }
+        let is_known = state.missing == 0 || state.early == 0;
+        BiasState::new(state.refused >= self.needed, is_known)
     }
 
     /// Close the block of the axis with the number of the job, or decide on rest.
