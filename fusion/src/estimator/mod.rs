@@ -449,11 +449,12 @@ impl<F: Filter> Estimator<F> {
             self.first_heading(&mag);
             return None;
         }
-        let trusted = !self.recovery.is_active();
-        let error = Some(mag).filter(plausible).and_then(|mag| {
-            let (field, rate) = (&mut self.field, &self.rate);
-            field.heading(dt, rows, &mag, rate, trusted)
-        });
+        let error = if plausible(&mag) {
+            let trusted = !self.recovery.is_active();
+            self.field.heading(dt, rows, &mag, &self.rate, trusted)
+        } else {
+            None
+        };
         self.flags.mag_disturbed = error.as_ref().is_none_or(|error| !error.undisturbed);
         error
     }
