@@ -9,26 +9,16 @@
 use crate::error::{ConfigError, in_range};
 use crate::filter::{Filter, View};
 use crate::real::Real;
+use crate::settings::settings;
 use crate::vector::{add_scaled, cross, dot, scaled, zero};
 
-/// Time constants of [`Complementary`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", serde(default))]
-pub struct ComplementaryGains {
-    /// Tilt, s.
-    pub acc_tau_s: f32,
-    /// Heading, s.
-    pub mag_tau_s: f32,
-}
-
-impl Default for ComplementaryGains {
-    fn default() -> Self {
-        Self {
-            acc_tau_s: 5.0,
-            mag_tau_s: 9.0,
-        }
+settings! {
+    /// Time constants of [`Complementary`].
+    pub struct ComplementaryGains {
+        /// Tilt, s.
+        acc_tau_s: f32 = 5.0,
+        /// Heading, s.
+        mag_tau_s: f32 = 9.0,
     }
 }
 

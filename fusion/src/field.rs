@@ -15,39 +15,26 @@ use crate::estimator::FieldReference;
 use crate::lag::{self, FieldLag};
 use crate::quaternion::{HalfRows, Quaternion};
 use crate::real::Real;
+use crate::settings::settings;
 use crate::vector::{dot, within};
 
-/// Handling of the magnetometer.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", serde(default))]
-pub struct FieldConfig {
-    /// A field that is further than this from the reference, horizontally or vertically, is
-    /// disturbed: as a fraction of the reference's magnitude. `f32::INFINITY` lets every field
-    /// pass.
-    pub gate: f32,
-    /// Time constant with which the reference follows an undisturbed field, s.
-    pub tau_s: f32,
-    /// A different field becomes the reference when it has stayed the same for this long while
-    /// turning, s.
-    pub adopt_s: f32,
-    /// Slowest turning that counts for adopting, rad/s.
-    pub adopt_rate_rad_s: f32,
-    /// A disturbance is ignored for at most this long, s; after it the heading follows at half the
-    /// gain.
-    pub reject_s: f32,
-}
-
-impl Default for FieldConfig {
-    fn default() -> Self {
-        Self {
-            gate: 0.2,
-            tau_s: 20.0,
-            adopt_s: 20.0,
-            adopt_rate_rad_s: 0.35,
-            reject_s: 60.0,
-        }
+settings! {
+    /// Handling of the magnetometer.
+    pub struct FieldConfig {
+        /// A field that is further than this from the reference, horizontally or vertically, is
+        /// disturbed: as a fraction of the reference's magnitude. `f32::INFINITY` lets every field
+        /// pass.
+        gate: f32 = 0.2,
+        /// Time constant with which the reference follows an undisturbed field, s.
+        tau_s: f32 = 20.0,
+        /// A different field becomes the reference when it has stayed the same for this long while
+        /// turning, s.
+        adopt_s: f32 = 20.0,
+        /// Slowest turning that counts for adopting, rad/s.
+        adopt_rate_rad_s: f32 = 0.35,
+        /// A disturbance is ignored for at most this long, s; after it the heading follows at half
+        /// the gain.
+        reject_s: f32 = 60.0,
     }
 }
 

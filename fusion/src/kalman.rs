@@ -22,40 +22,26 @@ use crate::error::{ConfigError, in_range, positive};
 use crate::filter::{Filter, View};
 use crate::quaternion::HalfRows;
 use crate::real::Real;
+use crate::settings::settings;
 use crate::vector::{
     Matrix, add, add_diagonal, add_outer, add_scaled, diagonal, dot, scaled, zero,
 };
 
-/// Noise of [`Kalman`], as densities: variance times the time for which noise stays the same.
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", serde(default))]
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct KalmanGains {
-    /// Of the rates at rest, rad^2/s.
-    pub gyr_rad2_s: f32,
-    /// What it grows by with the rate, s: rad^2/s per (rad/s)^2.
-    pub gyr_scale_s: f32,
-    /// Of the offset's walk, (rad/s)^2/s.
-    pub bias_rad2_s3: f32,
-    /// Deviation of an offset that is not known yet, per axis, rad/s.
-    pub bias_rad_s: f32,
-    /// Of the vertical that the accelerometer shows, rad^2 s.
-    pub acc_rad2_s: f32,
-    /// Of the heading that the field shows, rad^2 s.
-    pub mag_rad2_s: f32,
-}
-
-impl Default for KalmanGains {
-    fn default() -> Self {
-        Self {
-            gyr_rad2_s: 3e-4,
-            gyr_scale_s: 3e-5,
-            bias_rad2_s3: 1e-10,
-            bias_rad_s: 0.03,
-            acc_rad2_s: 0.03,
-            mag_rad2_s: 0.05,
-        }
+settings! {
+    /// Noise of [`Kalman`], as densities: variance times the time for which noise stays the same.
+    pub struct KalmanGains {
+        /// Of the rates at rest, rad^2/s.
+        gyr_rad2_s: f32 = 3e-4,
+        /// What it grows by with the rate, s: rad^2/s per (rad/s)^2.
+        gyr_scale_s: f32 = 3e-5,
+        /// Of the offset's walk, (rad/s)^2/s.
+        bias_rad2_s3: f32 = 1e-10,
+        /// Deviation of an offset that is not known yet, per axis, rad/s.
+        bias_rad_s: f32 = 0.03,
+        /// Of the vertical that the accelerometer shows, rad^2 s.
+        acc_rad2_s: f32 = 0.03,
+        /// Of the heading that the field shows, rad^2 s.
+        mag_rad2_s: f32 = 0.05,
     }
 }
 

@@ -38,6 +38,7 @@ mod range;
 mod real;
 mod recovery;
 mod rest;
+mod settings;
 #[cfg(feature = "signal")]
 pub mod signal;
 mod vector;

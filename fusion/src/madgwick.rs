@@ -12,21 +12,15 @@
 use crate::error::{ConfigError, in_range};
 use crate::filter::{Filter, View};
 use crate::real::Real;
+use crate::settings::settings;
 use crate::vector::{add_scaled, cross, dot, scaled, zero};
 
-/// Gain of [`Madgwick`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", serde(default))]
-pub struct MadgwickGains {
-    /// Rate of the quaternion along the gradient, 1/s: half the correcting rotation rate in rad/s.
-    pub beta_per_s: f32,
-}
-
-impl Default for MadgwickGains {
-    fn default() -> Self {
-        Self { beta_per_s: 0.02 }
+settings! {
+    /// Gain of [`Madgwick`].
+    pub struct MadgwickGains {
+        /// Rate of the quaternion along the gradient, 1/s: half the correcting rotation rate in
+        /// rad/s.
+        beta_per_s: f32 = 0.02,
     }
 }
 

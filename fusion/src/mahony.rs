@@ -12,30 +12,19 @@ use crate::config::GRAVITY;
 use crate::error::{ConfigError, in_range};
 use crate::filter::{Filter, View};
 use crate::real::Real;
+use crate::settings::settings;
 use crate::vector::{add_scaled, cross, scaled, zero};
 
-/// Gains of [`Mahony`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", serde(default))]
-pub struct MahonyGains {
-    /// Rate at which tilt follows the accelerometer, 1/s: 1 over the time constant.
-    pub acc_per_s: f32,
-    /// Rate at which heading follows the magnetometer, 1/s.
-    pub mag_per_s: f32,
-    /// Integral gain: offset learned from the tilt error, 1/s^2. 0 where offsets are learned at
-    /// rest.
-    pub integral_per_s2: f32,
-}
-
-impl Default for MahonyGains {
-    fn default() -> Self {
-        Self {
-            acc_per_s: 0.2,
-            mag_per_s: 0.11,
-            integral_per_s2: 0.0,
-        }
+settings! {
+    /// Gains of [`Mahony`].
+    pub struct MahonyGains {
+        /// Rate at which tilt follows the accelerometer, 1/s: 1 over the time constant.
+        acc_per_s: f32 = 0.2,
+        /// Rate at which heading follows the magnetometer, 1/s.
+        mag_per_s: f32 = 0.11,
+        /// Integral gain: offset learned from the tilt error, 1/s^2. 0 where offsets are learned at
+        /// rest.
+        integral_per_s2: f32 = 0.0,
     }
 }
 

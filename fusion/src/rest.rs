@@ -8,41 +8,28 @@
 use crate::error::{ConfigError, in_range, positive, require};
 use crate::quality::BiasState;
 use crate::real::Real;
+use crate::settings::settings;
 use crate::vector::{add_scaled, difference, within, zero};
 
-/// When the body counts as at rest, and what is learned from it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", serde(default))]
-pub struct RestConfig {
-    /// Largest deviation of the rotation rate, per axis, rad/s. 0 turns rest detection off.
-    pub rate_rad_s: f32,
-    /// Largest deviation of the acceleration, per axis, m/s^2. In float it counts up to 0.1:
-    /// gravity that drifts by more shows a slow turn.
-    pub acc_m_s2: f32,
-    /// Time of rest after which the offset is learned, s.
-    pub time_s: f32,
-    /// A mean rate beyond this, per axis, is a rotation and not an offset, rad/s.
-    pub max_bias_rad_s: f32,
-    /// Time constant, s of rest, with which the offset follows once it is known.
-    pub tau_s: f32,
-    /// Until a rest has shown the offset, it is found from how it tilts the estimate in motion:
-    /// deviation of the vertical that two seconds without acceleration show in the mean, rad; with
-    /// accelerations it is larger. `f32::INFINITY` waits for a rest, as fixed point always does.
-    pub motion_tilt_rad: f32,
-}
-
-impl Default for RestConfig {
-    fn default() -> Self {
-        Self {
-            rate_rad_s: 2.0 * DEG,
-            acc_m_s2: 0.5,
-            time_s: 1.5,
-            max_bias_rad_s: 4.0 * DEG,
-            tau_s: 8.0,
-            motion_tilt_rad: 0.01,
-        }
+settings! {
+    /// When the body counts as at rest, and what is learned from it.
+    pub struct RestConfig {
+        /// Largest deviation of the rotation rate, per axis, rad/s. 0 turns rest detection off.
+        rate_rad_s: f32 = 2.0 * DEG,
+        /// Largest deviation of the acceleration, per axis, m/s^2. In float it counts up to 0.1:
+        /// gravity that drifts by more shows a slow turn.
+        acc_m_s2: f32 = 0.5,
+        /// Time of rest after which the offset is learned, s.
+        time_s: f32 = 1.5,
+        /// A mean rate beyond this, per axis, is a rotation and not an offset, rad/s.
+        max_bias_rad_s: f32 = 4.0 * DEG,
+        /// Time constant, s of rest, with which the offset follows once it is known.
+        tau_s: f32 = 8.0,
+        /// Until a rest has shown the offset, it is found from how it tilts the estimate in motion:
+        /// deviation of the vertical that two seconds without acceleration show in the mean, rad;
+        /// with accelerations it is larger. `f32::INFINITY` waits for a rest, as fixed point always
+        /// does.
+        motion_tilt_rad: f32 = 0.01,
     }
 }
 

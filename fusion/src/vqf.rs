@@ -24,29 +24,18 @@ use crate::config::GRAVITY;
 use crate::error::{ConfigError, in_range, positive};
 use crate::filter::{Filter, View};
 use crate::real::Real;
+use crate::settings::settings;
 use crate::vector::dot;
 
-/// Time constants of [`Vqf`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", serde(default))]
-pub struct VqfGains {
-    /// Tilt follows the smoothed acceleration with this, s.
-    pub acc_tau_s: f32,
-    /// The acceleration, in the earth frame, is smoothed with this, s.
-    pub acc_smoothing_s: f32,
-    /// Heading follows the magnetometer with this, s.
-    pub mag_tau_s: f32,
-}
-
-impl Default for VqfGains {
-    fn default() -> Self {
-        Self {
-            acc_tau_s: 2.0,
-            acc_smoothing_s: 1.75,
-            mag_tau_s: 9.0,
-        }
+settings! {
+    /// Time constants of [`Vqf`].
+    pub struct VqfGains {
+        /// Tilt follows the smoothed acceleration with this, s.
+        acc_tau_s: f32 = 2.0,
+        /// The acceleration, in the earth frame, is smoothed with this, s.
+        acc_smoothing_s: f32 = 1.75,
+        /// Heading follows the magnetometer with this, s.
+        mag_tau_s: f32 = 9.0,
     }
 }
 

@@ -56,17 +56,17 @@
 use super::counts::{Counts, PERIOD_US, Scale};
 use super::field::{Compass, size};
 use super::filters::{Filter, Heading, View};
-use super::format::{Q15, normalised};
+use super::format::{Q15, are_within, normalised};
 use super::lag;
 use super::orientation::{Angles, Orientation};
-use super::quality::{Job, Uncertainty, UncertaintyState};
+use super::quality::{Uncertainty, UncertaintyState, job};
 use super::rest::{self, Rest};
 use super::rotation::{BIAS_BITS, PerCount, Rotation};
 use super::sensors::{Late, Sensors};
 use super::start_up::Schedule;
 use super::state::{LastField, State};
 use crate::config::{Config, GRAVITY};
-use crate::error::{ConfigError, in_range};
+use crate::error::{ConfigError, in_range, require};
 use crate::estimator::{Attitude, Flags};
 use crate::quality::{BiasState, Quality};
 use crate::vector::difference;
@@ -133,12 +133,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         scale: &Scale,
         period_us: u32,
     ) -> Result<Self, ConfigError> {
-        if !PERIOD_US.contains(&period_us) {
-            return Err(ConfigError::OutOfRange("period_us"));
-        }
-        if config.acc_gate.is_finite() {
-            return Err(ConfigError::OutOfRange("acc_gate"));
-        }
+        require(PERIOD_US.contains(&period_us), "period_us")?;
+        require(!config.acc_gate.is_finite(), "acc_gate")?;
         let period_s = period_us as f32 * 1e-6;
         scale.check(period_s)?;
         let log2_block = rest::log2_block(period_s);
@@ -203,29 +199,18 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     /// as their arithmetic depends on it. One that is not is no state to go on from: numbers would
     /// overflow.
     pub fn accepts(&self, state: &State) -> bool {
-        let State {
-            dt_remainder,
-            gap,
-            last_field,
-            rates,
-            ..
-        } = state;
+        let LastField { is_known, mag } = &state.last_field;
         state.rotation.is_sound(self.rest.max_bias)
-            && *dt_remainder < 1 << DT_BITS
+            && state.dt_remainder < 1 << DT_BITS
             && self.schedule.is_sound(&state.schedule, &state.gains)
             && self.rest.is_sound(&state.rest)
             && state.due.is_sound()
             && self.compass.is_sound(&state.compass)
             && state.filter.is_sound()
             && state.uncertainty.is_sound()
-            && gap | last_field.is_known <= 1
-            && last_field
-                .mag
-                .iter()
-                .all(|part| i16::try_from(*part).is_ok())
-            && rates
-                .iter()
-                .all(|rate| (-MOST_RATE..=MOST_RATE).contains(rate))
+            && state.gap | is_known <= 1
+            && mag.iter().all(|part| i16::try_from(*part).is_ok())
+            && are_within(&state.rates, MOST_RATE)
     }
 
     /// The orientation, with geographic north if a declination was configured.
@@ -247,9 +232,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     /// The whole estimate in float, with these rates of the newest sample, counts: for whoever does
     /// not count cycles.
     pub fn attitude(&self, state: &State, gyr: &[i16; 3]) -> Attitude {
-        let bias = self
-            .bias_q9(state)
-            .map(|bias| bias as f32 / 512.0 * self.gyr_rad_s);
+        let bias = state.rotation.bias;
+        let bias = bias.map(|bias| bias as f32 / 512.0 * self.gyr_rad_s);
         let rate = gyr.map(|rate| f32::from(rate) * self.gyr_rad_s);
         Attitude {
             orientation: self.orientation(state).quaternion(),
@@ -349,7 +333,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         }
         self.turn(state, &gyr, step_us, shift);
         S::keep_rates(&mut state.rates, &gyr, &state.rotation.bias);
-        let (acc, mag) = self.sensors.now(&state.rates, acc, mag);
+        let (acc, mag) = self.sensors.now(&state.rates, (acc, mag));
 
         // Heading correction is skipped in steps that are long or run housekeeping, to bound the
         // worst-case cycles.
@@ -420,15 +404,15 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     #[inline(never)]
     fn housekeeping(&self, state: &mut State, job: u32, gyr: &[i16; 3], acc_z: i32) {
         if job < rest::START_UP {
-            self.rest
-                .close(&mut state.rest, job, &mut state.rotation.bias);
+            let bias = &mut state.rotation.bias;
+            self.rest.close(&mut state.rest, job, bias);
         } else if job == rest::START_UP {
             if state.schedule.is_first_block() && acc_z > 0 {
                 state.rotation.turn_over();
             }
             state.gap = 0;
-            self.schedule
-                .next_block(&mut state.schedule, &mut state.gains);
+            let gains = &mut state.gains;
+            self.schedule.next_block(&mut state.schedule, gains);
             state.due.begin();
         } else if job != rest::NO_JOB {
             if state.compass.is_due() {
@@ -442,25 +426,19 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     /// Runs the next job of the uncertainties.
     #[inline(never)]
     fn update_uncertainty(&self, state: &mut State, gyr: &[i16; 3]) {
-        let (uncertainty, schedule) = (&mut state.uncertainty, &state.schedule);
+        let (own, uncertainty) = (&self.uncertainty, &mut state.uncertainty);
+        let schedule = &state.schedule;
         match state.due.next_job() {
-            Job::Close => {
+            job::CLOSE => {
                 let good_field = self.rest.is_recent(&state.rest, state.heading_tick)
                     && state.compass.reference().is_some()
                     && !state.compass.is_disturbed();
-                self.uncertainty
-                    .close(uncertainty, state.rest.is_at_rest(), good_field);
+                own.close(uncertainty, state.rest.is_at_rest(), good_field);
             }
-            Job::Turn => self
-                .uncertainty
-                .turn(uncertainty, &lag::rates(gyr, &state.rotation.bias)),
-            Job::Tilt => self
-                .uncertainty
-                .pass_tilt(uncertainty, self.schedule.tilt_raised(schedule)),
-            Job::Heading => self
-                .uncertainty
-                .pass_heading(uncertainty, self.schedule.heading_raised(schedule)),
-            Job::None => {}
+            job::TURN => own.turn(uncertainty, &lag::rates(gyr, &state.rotation.bias)),
+            job::TILT => own.pass_tilt(uncertainty, self.schedule.tilt_raised(schedule)),
+            job::HEADING => own.pass_heading(uncertainty, self.schedule.heading_raised(schedule)),
+            _ => {}
         }
     }
 

@@ -43,8 +43,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::format::{Q8, Q15, Q16, Q31, inverse_root, normalised};
-use super::rotation::{Products, dot};
+use super::format::{Q8, Q15, Q16, Q31, are_within, inverse_root, normalised};
+use super::rotation::{Products, cross, dot};
 use super::start_up::Gains;
 use crate::complementary::ComplementaryGains;
 use crate::error::{ConfigError, in_range, positive};
@@ -142,14 +142,9 @@ const CARRY: i32 = 0x1fff;
 impl FilterState {
     /// Whether the numbers are ones that an update can have left.
     pub(super) fn is_sound(&self) -> bool {
-        self.smooth
-            .iter()
-            .all(|smooth| (-MOST_SMOOTH..=MOST_SMOOTH).contains(smooth))
-            && self
-                .remainder
-                .iter()
-                .all(|left| (0..=REMAINDER).contains(left))
-            && self.carry.iter().all(|left| (0..=CARRY).contains(left))
+        are_within(&self.smooth, MOST_SMOOTH)
+            && self.remainder.iter().all(|left| left & !REMAINDER == 0)
+            && self.carry.iter().all(|left| left & !CARRY == 0)
     }
 }
 
@@ -188,12 +183,7 @@ impl View<'_> {
     /// `d x a`.
     #[inline(always)]
     fn error(&self, a: &[i32; 3]) -> [i32; 3] {
-        let d = self.down;
-        [
-            d[1] * a[2] - d[2] * a[1],
-            d[2] * a[0] - d[0] * a[2],
-            d[0] * a[1] - d[1] * a[0],
-        ]
+        cross(self.down, a)
     }
 
     /// The correction in proportion to a tilt error, and to that of the heading.
@@ -352,9 +342,8 @@ impl Filter for Madgwick {
         // Q29.
         let up = direction(view.acc, self.least);
         let error = up.map_or([0; 3], |up| view.error(&up));
-        let (sine, samples) = view
-            .heading
-            .map_or((0, 0), |heading| (heading.sine, heading.samples));
+        let heading = view.heading;
+        let (sine, samples) = heading.map_or((0, 0), |seen| (seen.sine, seen.samples));
         // Beyond a right angle twice the sine; the step is as long.
         let sine = sine.clamp(-(1 << 15), 1 << 15);
         let parts = error.map(|error| (error + (1 << 13)) >> 14);
@@ -398,12 +387,8 @@ impl Filter for Vqf {
     #[inline(always)]
     fn new(gains: &VqfGains, period_s: f32, _: f32) -> Result<Self, ConfigError> {
         positive(gains.acc_tau_s, "acc_tau_s")?;
-        in_range(
-            gains.acc_smoothing_s,
-            8.0 * period_s,
-            100.0,
-            "acc_smoothing_s",
-        )?;
+        let least_s = 8.0 * period_s;
+        in_range(gains.acc_smoothing_s, least_s, 100.0, "acc_smoothing_s")?;
         positive(gains.mag_tau_s, "mag_tau_s")?;
         Ok(Self {
             share: (65_536.0 * period_s / gains.acc_smoothing_s + 0.5) as i32,

@@ -71,6 +71,11 @@ pub(super) fn inverse_root(value: u32) -> (i32, u32) {
     (y, h)
 }
 
+/// Whether all these are within a limit of 0.
+pub(super) fn are_within(values: &[i32], limit: i32) -> bool {
+    values.iter().all(|value| (-limit..=limit).contains(value))
+}
+
 /// `value` or 0, the larger. Without a branch: the core has no conditional move.
 #[inline(always)]
 pub(super) fn positive(value: i32) -> i32 {

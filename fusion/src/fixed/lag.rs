@@ -20,7 +20,7 @@
 //!   its products with rows in Q15 below `2^31`.
 
 use super::format::{Q9, Q15, Q30, normalised};
-use super::rotation::BIAS_BITS;
+use super::rotation::{BIAS_BITS, cross};
 
 /// Largest turn within a lag, about an axis: an eighth of a radian.
 const MOST: Q15 = 1 << 12;
@@ -109,12 +109,4 @@ pub(super) fn rates(gyr: &[i16; 3], bias: &[Q9; 3]) -> [i32; 3] {
     let ([x, y, z], [bx, by, bz]) = (*gyr, *bias);
     let rate = |rate: i16, bias: Q9| i32::from(rate) - (bias >> BIAS_BITS);
     [rate(x, bx), rate(y, by), rate(z, bz)]
-}
-
-fn cross(v: &[i32; 3], u: &[i32; 3]) -> [i32; 3] {
-    [
-        v[1] * u[2] - v[2] * u[1],
-        v[2] * u[0] - v[0] * u[2],
-        v[0] * u[1] - v[1] * u[0],
-    ]
 }

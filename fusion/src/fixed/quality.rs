@@ -138,24 +138,13 @@ fn part(value: i32, share: Q15) -> i32 {
     (value >> 15) * share + (((value & 0x7fff) * share) >> 15)
 }
 
-/// The jobs of a block, in their order: a step has time for one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Job {
-    Close,
-    Turn,
-    Tilt,
-    Heading,
-    None,
-}
-
-impl Job {
-    const ALL: [Self; 5] = [
-        Self::None,
-        Self::Heading,
-        Self::Tilt,
-        Self::Turn,
-        Self::Close,
-    ];
+/// The jobs of a block, in their order: a step has time for one. Each is the number of those that
+/// are to come with it.
+pub(super) mod job {
+    pub(in super::super) const CLOSE: u32 = 4;
+    pub(in super::super) const TURN: u32 = 3;
+    pub(in super::super) const TILT: u32 = 2;
+    pub(in super::super) const HEADING: u32 = 1;
 }
 
 /// Steps after which the jobs of a block no longer wait for one without a field.
@@ -174,7 +163,7 @@ pub(super) struct Due {
 impl Due {
     /// A block is over: four jobs are due.
     pub(super) fn begin(&mut self) {
-        (self.jobs, self.waited) = (4, 0);
+        (self.jobs, self.waited) = (job::CLOSE, 0);
     }
 
     /// Whether this step is for a job: one without a field, which has no heading to correct, or
@@ -191,16 +180,16 @@ impl Due {
         true
     }
 
-    /// The next job, which is done with that.
-    pub(super) fn next_job(&mut self) -> Job {
-        let job = Job::ALL.get(self.jobs as usize).copied();
-        self.jobs = self.jobs.saturating_sub(1);
-        job.unwrap_or(Job::None)
+    /// The next job, which is done with that; 0 where there is none.
+    pub(super) fn next_job(&mut self) -> u32 {
+        let job = self.jobs;
+        self.jobs = job.saturating_sub(1);
+        job
     }
 
     /// Whether the numbers are ones that an update can have left.
     pub(super) fn is_sound(&self) -> bool {
-        self.jobs <= 4 && self.waited <= LONGEST_WAIT
+        self.jobs <= job::CLOSE && self.waited <= LONGEST_WAIT
     }
 }
 
@@ -258,7 +247,7 @@ impl Uncertainty {
         }
     }
 
-    /// [`Job::Close`]: whether the block was one of a rest that the offset is known from, and
+    /// [`job::CLOSE`]: whether the block was one of a rest that the offset is known from, and
     /// whether an undisturbed field was seen in it.
     pub(super) fn close(&self, state: &mut UncertaintyState, at_rest: bool, good_field: bool) {
         state.field_age = if good_field {
@@ -280,7 +269,7 @@ impl Uncertainty {
         state.drift = (state.deviation * self.block) >> 7;
     }
 
-    /// [`Job::Turn`]: the last rates less their offset, counts.
+    /// [`job::TURN`]: the last rates less their offset, counts.
     pub(super) fn turn(&self, state: &mut UncertaintyState, rates: &[i32; 3]) {
         let mut square = 0;
         for rate in rates {
@@ -292,13 +281,13 @@ impl Uncertainty {
         state.walk = self.still + (((square.min(100 << 16) >> 8) * self.scale) >> 8);
     }
 
-    /// [`Job::Tilt`]: by how much the gain of the tilt is raised, as a power of two.
+    /// [`job::TILT`]: by how much the gain of the tilt is raised, as a power of two.
     pub(super) fn pass_tilt(&self, state: &mut UncertaintyState, gain_log2: u32) {
         let (walk, drift) = (state.walk, state.drift);
         state.tilt.pass(walk, drift, &self.tilt, Some(gain_log2));
     }
 
-    /// [`Job::Heading`]: likewise of the heading.
+    /// [`job::HEADING`]: likewise of the heading.
     pub(super) fn pass_heading(&self, state: &mut UncertaintyState, gain_log2: u32) {
         let (walk, drift) = (state.walk, state.drift);
         let gain_log2 = self.is_field_fresh(state).then_some(gain_log2);

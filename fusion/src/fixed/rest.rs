@@ -24,7 +24,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::counts::Scale;
-use super::format::{Q9, Q16, nearest_log2};
+use super::format::{Q9, Q16, are_within, nearest_log2};
 use super::rotation::BIAS_BITS;
 use crate::error::{ConfigError, in_range};
 use crate::quality::BiasState;
@@ -259,21 +259,19 @@ impl Rest {
 
     /// Whether the numbers are ones that an update can have left.
     pub(super) fn is_sound(&self, state: &RestState) -> bool {
-        let within = |value: i32, limit: i32| (-limit..=limit).contains(&value);
+        let references = state.axes.map(|axis| axis.reference);
         // Means that the offset learns from, or will when the block under way was still.
         let learns = state.missing <= state.early + 1 && state.moved | state.is_fast == 0;
         state.refused <= self.needed
             && state.missing <= self.needed
             && state.early <= self.early
             && state.learned <= self.most_learned
-            && state.sums.iter().all(|sum| within(*sum, 1 << 28))
-            && state
-                .axes
-                .iter()
-                .all(|axis| within(axis.reference, 1 << 24))
+            && are_within(&state.sums, 1 << 28)
+            && are_within(&references, 1 << 24)
             && state.axes.iter().take(3).all(|axis| {
-                within(axis.offset >> (FINER_BITS + BIAS_BITS), self.max_bias)
-                    && (!learns || within(axis.newest >> BIAS_BITS, self.max_bias))
+                let newest = if learns { axis.newest } else { 0 };
+                let means = [axis.offset >> FINER_BITS, newest];
+                are_within(&means.map(|mean| mean >> BIAS_BITS), self.max_bias)
             })
     }
 }

@@ -218,6 +218,16 @@ impl Rotation {
     }
 }
 
+/// Vector product: of a row and counts Q15 counts.
+#[inline(always)]
+pub(super) fn cross(v: &[i32; 3], u: &[i32; 3]) -> [i32; 3] {
+    [
+        v[1] * u[2] - v[2] * u[1],
+        v[2] * u[0] - v[0] * u[2],
+        v[0] * u[1] - v[1] * u[0],
+    ]
+}
+
 /// Scalar product of a row and counts: Q15 counts.
 #[inline(always)]
 pub(super) fn dot(row: &[Q15; 3], v: &[i32; 3]) -> i32 {

@@ -7,6 +7,9 @@ use crate::config::Config;
 use crate::error::{ConfigError, in_range};
 use crate::lag::checked;
 
+/// Specific force and field, counts.
+type Seen = ([i32; 3], Option<[i32; 3]>);
+
 /// What the sensors are like: [`Ideal`] or [`Late`].
 pub trait Sensors: sealed::Sealed + Sized {
     #[doc(hidden)]
@@ -18,13 +21,8 @@ pub trait Sensors: sealed::Sealed + Sized {
 
     /// The specific force and the field that were measured, as they are at the time of the rates.
     #[doc(hidden)]
-    fn now(
-        &self,
-        _rates: &[i32; 3],
-        acc: [i32; 3],
-        mag: Option<[i32; 3]>,
-    ) -> ([i32; 3], Option<[i32; 3]>) {
-        (acc, mag)
+    fn now(&self, _rates: &[i32; 3], seen: Seen) -> Seen {
+        seen
     }
 
     /// The orientation now, ahead of the rates.
@@ -82,12 +80,7 @@ impl Sensors for Late {
     }
 
     #[inline(always)]
-    fn now(
-        &self,
-        rates: &[i32; 3],
-        acc: [i32; 3],
-        mag: Option<[i32; 3]>,
-    ) -> ([i32; 3], Option<[i32; 3]>) {
+    fn now(&self, rates: &[i32; 3], (acc, mag): Seen) -> Seen {
         let mag = mag.map(|mag| self.mag.now(&mag, rates));
         (self.acc.now(&acc, rates), mag)
     }

@@ -61,11 +61,6 @@ impl State {
         bytemuck::must_cast_ref(self)
     }
 
-    /// The words, to be changed; see [`Estimator::accepts`](super::Estimator::accepts).
-    pub fn words_mut(&mut self) -> &mut [u32; Self::WORDS] {
-        bytemuck::must_cast_mut(self)
-    }
-
     /// The state with these words; see [`Estimator::accepts`](super::Estimator::accepts).
     pub fn from_words(words: &[u32; Self::WORDS]) -> Self {
         bytemuck::must_cast(*words)

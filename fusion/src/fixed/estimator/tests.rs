@@ -162,8 +162,9 @@ fn a_damaged_state_is_refused_or_overflows_nowhere() {
     let (estimator, sound) = turning();
     let mut refused = 0;
     for bit in 0..State::WORDS * 32 {
-        let mut state = sound;
-        state.words_mut()[bit / 32] ^= 1 << (bit % 32);
+        let mut words = *sound.words();
+        words[bit / 32] ^= 1 << (bit % 32);
+        let mut state = State::from_words(&words);
         if !estimator.accepts(&state) {
             refused += 1;
             continue;
