@@ -10,6 +10,8 @@
 
 #[cfg(target_os = "none")]
 mod nano {
+    use core::cell::Cell;
+
     use atsamd_hal::clock::{ClockGenId, ClockSource, GenericClockController};
     use atsamd_hal::delay::Delay;
     use atsamd_hal::ehal::digital::OutputPin;
@@ -49,9 +51,14 @@ mod nano {
             .baud(100.kHz::<1, 1>())
             .enable();
 
-        // 32,768 counts a second, which wrap after a day and a half.
+        // 32,768 counts a second, which wrap after a day and a half: the time goes on.
         let rtc = Rtc::<Count32Mode>::count32_mode(board.rtc, rtc_clock.freq(), &mut board.pm);
-        let clock = || Micros(u64::from(rtc.count32()) * 1_000_000 / 32_768);
+        let counts = Cell::new(0_u64);
+        let clock = || {
+            let passed = rtc.count32().wrapping_sub(counts.get() as u32);
+            counts.set(counts.get() + u64::from(passed));
+            Micros(counts.get() * 1_000_000 / 32_768)
+        };
         let delay = Delay::new(core.SYST, &mut clocks);
 
         let mut imu = Bno055::new(bus, delay, clock, Config::default());

@@ -27,13 +27,11 @@ impl Signed {
     }
 
     /// Along the chip's axis.
-    #[must_use]
     pub const fn plus(axis: Axis) -> Self {
         Self::new(axis, false)
     }
 
     /// Against the chip's axis.
-    #[must_use]
     pub const fn minus(axis: Axis) -> Self {
         Self::new(axis, true)
     }
@@ -109,7 +107,6 @@ impl AxisMap {
     }
 
     /// AXIS_MAP_CONFIG and AXIS_MAP_SIGN.
-    #[must_use]
     pub const fn registers(&self) -> [u8; 2] {
         [self.config, self.sign]
     }

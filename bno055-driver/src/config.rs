@@ -26,13 +26,11 @@ pub enum Address {
 
 impl Address {
     /// The 7-bit address.
-    #[must_use]
     pub const fn value(self) -> u8 {
         self as u8
     }
 
     /// The other one.
-    #[must_use]
     pub const fn other(self) -> Self {
         match self {
             Self::Low => Self::High,
@@ -109,7 +107,6 @@ impl Config {
     };
 
     /// What a control loop has to know of a chip that is set so.
-    #[must_use]
     pub const fn description(&self) -> Description {
         let first_hz = self.sensors.gyr_bandwidth.hz();
         Description {

@@ -1,18 +1,19 @@
 //! The driver: which transfer comes next, and what follows from its outcome.
 
-mod imu;
 mod sampling;
 
 use crate::config::Config;
 use crate::fusion::{self, FusionSample};
 use crate::health::Health;
 use crate::request::{Answer, Request};
-use crate::sample::{self, Evidence, Inspector, Judged};
+use crate::sample::{self, Evidence, Judged};
 use crate::startup::{Goal, Progress, Startup};
 use crate::status::Identity;
 use crate::verify::Check;
 use sampling::{Errand, Sampling};
-use tvc_imu::{BusError, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer};
+use tvc_imu::{
+    Bursts, BusError, Imu, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer,
+};
 
 /// When no burst has brought anything for so long, the chip is set up anew. What is shorter is a
 /// glitch of the cable, which does not reset the chip: the mode is verified, and sampling goes on.
@@ -27,10 +28,10 @@ enum Phase {
 
 /// A BNO055, without its bus.
 ///
-/// The owner of the bus asks [`next`](Self::next) what to do, does it, and reports to
-/// [`complete`](Self::complete), one transfer at a time. Once that says [`Next::Sample`], a timer
+/// The owner of the bus asks [`next`](Imu::next) what to do, does it, and reports to
+/// [`complete`](Imu::complete), one transfer at a time. Once that says [`Next::Sample`], a timer
 /// of the owner's may start the same [`burst`](Self::burst) at every tick, whose outcome goes to
-/// [`sample`](Self::sample); after each, `next` has at most one short verification to do (two if a
+/// [`sample`](Imu::sample); after each, `next` has at most one short verification to do (two if a
 /// register read wrong). The driver brings the chip up, judges every sample, notices when the chip
 /// resets itself or loses its settings, and then sets it up again, as often as it takes.
 #[derive(Clone, Debug)]
@@ -47,11 +48,10 @@ pub struct Driver {
 
 impl Driver {
     /// A driver that will set the chip up as `config` says.
-    #[must_use]
     pub fn new(config: Config) -> Self {
         Self {
             config,
-            phase: Phase::Startup(Startup::new(Goal::Sampling, None, None)),
+            phase: Phase::Startup(Startup::new(Goal::Sampling, None)),
             fault: Some(SensorFault::Booting),
             health: Health::default(),
             identity: Identity::default(),
@@ -61,64 +61,7 @@ impl Driver {
         }
     }
 
-    /// What to do now. Asking again without reporting gives the same answer.
-    pub fn next(&mut self, now: Micros) -> Next {
-        match &mut self.phase {
-            Phase::Startup(startup) => match startup.next(now, &self.config) {
-                Ok(transfer) => Next::Transfer(transfer),
-                Err(until) => Next::Wait(until),
-            },
-            Phase::Sampling(sampling) => {
-                if let Some(request) = self.request.filter(|request| !request.needs_config()) {
-                    sampling.outstanding = Some(Errand::Ask(request));
-                    Next::Transfer(request.read())
-                } else if sampling.due {
-                    sampling.outstanding = Some(Errand::Verify);
-                    Next::Transfer(sampling.check.transfer(sampling.mismatched))
-                } else {
-                    Next::Sample
-                }
-            }
-            Phase::Suspended => Next::Wait(Micros(u64::MAX)),
-        }
-    }
-
-    /// Takes the outcome of the transfer that [`next`](Self::next) gave out: the bytes read, none
-    /// for a write.
-    ///
-    /// An outcome that the driver no longer waits for is ignored, for example that of a
-    /// verification during which a burst showed a reset.
-    pub fn complete(&mut self, now: Micros, outcome: Result<&[u8], BusError>) {
-        match &mut self.phase {
-            Phase::Startup(startup) => {
-                let progress = startup.complete(now, outcome, &self.config);
-                if let Err(error) = outcome {
-                    self.health.count(error.into());
-                }
-                let absent = matches!(progress, Progress::Failed(SensorFault::WrongChip { .. }))
-                    || outcome == Err(BusError::Nak);
-                if absent && self.config.either_address {
-                    self.config.address = self.config.address.other();
-                }
-                self.advance(now, progress);
-            }
-            Phase::Sampling(sampling) => match sampling.outstanding.take() {
-                Some(Errand::Verify) => self.verified(now, outcome),
-                Some(Errand::Ask(asked)) => match outcome.map(|bytes| asked.decode(bytes)) {
-                    // The owner may have asked for something else, or for nothing, meanwhile.
-                    Ok(Some(_)) if self.request != Some(asked) => {}
-                    Ok(Some(answer)) => self.answered(answer),
-                    Ok(None) => self.bus_error(now, SensorFault::Protocol),
-                    Err(error) => self.bus_error(now, error.into()),
-                },
-                None => {}
-            },
-            Phase::Suspended => {}
-        }
-    }
-
     /// The one burst that reads all sensors of the mode: 18 bytes from 0x08 in AMG mode.
-    #[must_use]
     pub fn burst(&self) -> Transfer {
         sample::burst(self.config.mode)
     }
@@ -126,74 +69,18 @@ impl Driver {
     /// A burst that reads the angular rates alone, 6 bytes, for owners to whom a whole one takes
     /// too long now and then. It takes the place of [`burst`](Self::burst) where the newest sample
     /// was good, and is judged with the other words of that.
-    #[must_use]
     pub fn rates_burst(&self) -> Option<Transfer> {
         match &self.phase {
-            Phase::Sampling(sampling) if sampling.inspector.knows_rest() => {
+            Phase::Sampling(sampling) if sampling.inspector.has_good() => {
                 sample::rates_burst(self.config.mode)
             }
             _ => None,
         }
     }
 
-    /// Takes the outcome of a burst that started at `time`, or of one of the rates alone.
-    ///
-    /// # Errors
-    /// The fault for which the data are not to be used. The driver recovers by itself; the owner
-    /// has nothing to do.
-    pub fn sample(
-        &mut self,
-        time: Micros,
-        outcome: Result<&[u8], BusError>,
-    ) -> Result<Sample, SensorFault> {
-        self.overdue(time, outcome)
-            .map(|raw| self.refresh.read(raw))
-    }
-
-    /// Takes the outcome of a burst that comes too late to be used: it counts for the chip's health
-    /// alone.
-    ///
-    /// # Errors
-    /// As [`sample`](Self::sample).
-    pub fn overdue(
-        &mut self,
-        time: Micros,
-        outcome: Result<&[u8], BusError>,
-    ) -> Result<RawSample, SensorFault> {
-        let Phase::Sampling(sampling) = &mut self.phase else {
-            return Err(self.cause());
-        };
-        // Rates of -1 on all axes come every few seconds at rest, but not behind a lost burst.
-        let chance = match sampling.silent_since {
-            None => sample::RATES.into(),
-            Some(_) => 0,
-        };
-        let judged = match heard(outcome, chance) {
-            Ok(bytes) => sampling.inspector.judge(&self.config, time, bytes),
-            Err(fault) => return self.unheard(time, fault),
-        };
-        let Ok(Judged {
-            sample,
-            fresh,
-            evidence,
-        }) = judged
-        else {
-            return self.conclude(time, judged.map(|judged| judged.sample));
-        };
-        self.health.fresh = self.health.fresh.wrapping_add(u32::from(fresh));
-        if sampling.weigh(evidence) {
-            self.conclude(time, Ok(sample))
-        } else {
-            self.health.count(SensorFault::Unreliable);
-            self.restart(time, SensorFault::Unreliable);
-            Err(SensorFault::Unreliable)
-        }
-    }
-
     /// The burst that reads all fusion outputs, in fusion modes: 26 bytes.
     ///
     /// Use it as [`burst`](Self::burst) is used, with [`fusion`](Self::fusion) for its outcome.
-    #[must_use]
     pub fn fusion_burst(&self) -> Transfer {
         fusion::BURST
     }
@@ -201,7 +88,7 @@ impl Driver {
     /// Takes the outcome of a burst of fusion outputs that started at `time`.
     ///
     /// # Errors
-    /// The fault for which the data are not to be used, as for [`sample`](Self::sample). Frozen
+    /// The fault for which the data are not to be used, as for [`sample`](Imu::sample). Frozen
     /// data, however, are found by `sample` only.
     pub fn fusion(
         &mut self,
@@ -211,7 +98,7 @@ impl Driver {
         if !self.is_sampling() {
             return Err(self.cause());
         }
-        match heard(outcome, 0) {
+        match received(outcome, 0) {
             Ok(bytes) => {
                 let judged = FusionSample::judge(time, bytes);
                 if let (Ok(_), Phase::Sampling(sampling)) = (&judged, &mut self.phase) {
@@ -219,14 +106,8 @@ impl Driver {
                 }
                 self.conclude(time, judged)
             }
-            Err(fault) => self.unheard(time, fault),
+            Err(fault) => self.no_data(time, fault),
         }
-    }
-
-    /// Notes that a tick went by without its burst, and gives the fault to report for it.
-    pub fn missed(&mut self) -> SensorFault {
-        self.health.count(SensorFault::Late);
-        *self.fault.get_or_insert(SensorFault::Late)
     }
 
     /// Sets the chip up anew with other settings.
@@ -250,18 +131,16 @@ impl Driver {
     pub fn cancel(&mut self) {
         self.request = None;
         if let Phase::Startup(startup) = &mut self.phase {
-            startup.cancel();
+            startup.request = None;
         }
     }
 
     /// Whether a request has no answer yet.
-    #[must_use]
     pub fn is_asking(&self) -> bool {
         self.request.is_some()
     }
 
     /// Whether the chip has been put into its suspend mode.
-    #[must_use]
     pub fn is_suspended(&self) -> bool {
         matches!(self.phase, Phase::Suspended)
     }
@@ -274,45 +153,71 @@ impl Driver {
     /// Puts the chip into its suspend mode, in which it measures nothing; drops a request.
     pub fn suspend(&mut self) {
         self.request = None;
-        self.phase = Phase::Startup(Startup::new(Goal::Suspended, None, None));
+        self.phase = Phase::Startup(Startup::new(Goal::Suspended, None));
         self.fault = Some(SensorFault::Suspended);
     }
 
     /// Sets the chip up again, as after [`suspend`](Self::suspend).
     pub fn resume(&mut self) {
-        self.phase = Phase::Startup(Startup::new(Goal::Sampling, self.request_in_config(), None));
+        self.phase = Phase::Startup(Startup::new(Goal::Sampling, self.request_in_config()));
         self.fault = Some(SensorFault::Booting);
     }
 
     /// Why there are no good samples at the moment: the first cause, until the chip samples again
     /// or turns out to have a worse one.
-    #[must_use]
     pub fn fault(&self) -> Option<SensorFault> {
         self.fault
     }
 
     /// The counters.
-    #[must_use]
     pub fn health(&self) -> &Health {
         &self.health
     }
 
-    /// Whether the chip is set up and gives samples.
-    #[must_use]
-    pub fn is_sampling(&self) -> bool {
-        matches!(self.phase, Phase::Sampling(_))
-    }
-
     /// Revisions and unique identification, known once the chip has been set up.
-    #[must_use]
     pub fn identity(&self) -> &Identity {
         &self.identity
     }
 
     /// The settings; the address is the one that was tried last.
-    #[must_use]
     pub fn config(&self) -> &Config {
         &self.config
+    }
+
+    /// The sample in the outcome of a burst, and what that says of the chip.
+    fn judge(
+        &mut self,
+        time: Micros,
+        outcome: Result<&[u8], BusError>,
+    ) -> Result<RawSample, SensorFault> {
+        let Phase::Sampling(sampling) = &mut self.phase else {
+            return Err(self.cause());
+        };
+        // Rates of -1 on all axes come every few seconds at rest, but not behind a lost burst.
+        let chance = match sampling.silent_since {
+            None => sample::RATES.into(),
+            Some(_) => 0,
+        };
+        let judged = match received(outcome, chance) {
+            Ok(bytes) => sampling.inspector.judge(&self.config, time, bytes),
+            Err(fault) => return self.no_data(time, fault),
+        };
+        let Ok(Judged {
+            sample,
+            fresh,
+            evidence,
+        }) = judged
+        else {
+            return self.conclude(time, judged.map(|judged| judged.sample));
+        };
+        self.health.fresh = self.health.fresh.wrapping_add(u32::from(fresh));
+        if sampling.weigh(evidence) {
+            self.conclude(time, Ok(sample))
+        } else {
+            self.health.count(SensorFault::Unreliable);
+            self.restart(time, SensorFault::Unreliable);
+            Err(SensorFault::Unreliable)
+        }
     }
 
     fn cause(&self) -> SensorFault {
@@ -348,9 +253,9 @@ impl Driver {
             Progress::Reached(Goal::Sampling) => {
                 self.health.starts = self.health.starts.wrapping_add(1);
                 self.health.setup_us = now.since(startup.began());
-                self.identity = *startup.identity();
+                self.identity = startup.identity;
                 self.fault = None;
-                self.phase = Phase::Sampling(Sampling::new(startup.inspector().clone()));
+                self.phase = Phase::Sampling(Sampling::new(startup.inspector.clone()));
             }
         }
     }
@@ -359,7 +264,8 @@ impl Driver {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return;
         };
-        let judged = heard(outcome, 0).and_then(|bytes| sampling.check.judge(bytes, &self.config));
+        let judged =
+            received(outcome, 0).and_then(|bytes| sampling.check.judge(bytes, &self.config));
         match judged {
             Ok(()) => {
                 self.health.verified = self.health.verified.wrapping_add(1);
@@ -417,8 +323,8 @@ impl Driver {
         Err(fault)
     }
 
-    /// Draws the conclusions from a burst of which nothing was heard.
-    fn unheard<T>(&mut self, time: Micros, fault: SensorFault) -> Result<T, SensorFault> {
+    /// Draws the conclusions from a burst that brought nothing.
+    fn no_data<T>(&mut self, time: Micros, fault: SensorFault) -> Result<T, SensorFault> {
         if let Phase::Sampling(sampling) = &mut self.phase {
             sampling.due = true;
         }
@@ -449,22 +355,109 @@ impl Driver {
             self.health.resets = self.health.resets.wrapping_add(1);
         }
         self.fault = Some(fault);
-        let inspector = match &self.phase {
-            Phase::Sampling(sampling) => sampling.inspector.anew(),
-            _ => Inspector::default(),
-        };
-        self.phase = Phase::Startup(Startup::again(
-            Goal::Sampling,
-            self.request_in_config(),
-            Some(now),
-            inspector,
-        ));
+        let mut startup = Startup::new(Goal::Sampling, self.request_in_config());
+        startup.begin(now);
+        if let Phase::Sampling(sampling) = &self.phase {
+            startup.inspector = sampling.inspector.anew();
+        }
+        self.phase = Phase::Startup(startup);
+    }
+}
+
+impl Imu for Driver {
+    fn next(&mut self, now: Micros) -> Next {
+        match &mut self.phase {
+            Phase::Startup(startup) => match startup.next(now, &self.config) {
+                Ok(transfer) => Next::Transfer(transfer),
+                Err(until) => Next::Wait(until),
+            },
+            Phase::Sampling(sampling) => {
+                if let Some(request) = self.request.filter(|request| !request.needs_config()) {
+                    sampling.outstanding = Some(Errand::Ask(request));
+                    Next::Transfer(request.read())
+                } else if sampling.due {
+                    sampling.outstanding = Some(Errand::Verify);
+                    Next::Transfer(sampling.check.transfer(sampling.mismatched))
+                } else {
+                    Next::Sample
+                }
+            }
+            Phase::Suspended => Next::Wait(Micros(u64::MAX)),
+        }
+    }
+
+    fn complete(&mut self, now: Micros, outcome: Result<&[u8], BusError>) {
+        match &mut self.phase {
+            Phase::Startup(startup) => {
+                let progress = startup.complete(now, outcome, &self.config);
+                if let Err(error) = outcome {
+                    self.health.count(error.into());
+                }
+                let absent = matches!(progress, Progress::Failed(SensorFault::WrongChip { .. }))
+                    || outcome == Err(BusError::Nak);
+                if absent && self.config.either_address {
+                    self.config.address = self.config.address.other();
+                }
+                self.advance(now, progress);
+            }
+            Phase::Sampling(sampling) => match sampling.outstanding.take() {
+                Some(Errand::Verify) => self.verified(now, outcome),
+                Some(Errand::Ask(asked)) => match outcome.map(|bytes| asked.decode(bytes)) {
+                    // The owner may have asked for something else, or for nothing, meanwhile.
+                    Ok(Some(_)) if self.request != Some(asked) => {}
+                    Ok(Some(answer)) => self.answered(answer),
+                    Ok(None) => self.bus_error(now, SensorFault::Protocol),
+                    Err(error) => self.bus_error(now, error.into()),
+                },
+                None => {}
+            },
+            Phase::Suspended => {}
+        }
+    }
+
+    fn is_sampling(&self) -> bool {
+        matches!(self.phase, Phase::Sampling(_))
+    }
+
+    fn bursts(&self) -> Bursts {
+        Bursts {
+            address: self.config.address.value(),
+            whole: self.is_sampling().then(|| self.burst()),
+            rates: self.rates_burst(),
+        }
+    }
+
+    fn sample(
+        &mut self,
+        time: Micros,
+        outcome: Result<&[u8], BusError>,
+    ) -> Result<Sample, SensorFault> {
+        let raw = self.judge(time, outcome)?;
+        Ok(self.refresh.read(raw))
+    }
+
+    fn overdue(&mut self, time: Micros, outcome: Result<&[u8], BusError>) {
+        // What it says of the chip's health has been counted.
+        let _ = self.judge(time, outcome);
+    }
+
+    fn missed(&mut self) -> SensorFault {
+        self.health.count(SensorFault::Late);
+        *self.fault.get_or_insert(SensorFault::Late)
+    }
+
+    fn fresh(&self) -> u32 {
+        self.health.fresh
+    }
+
+    fn refresh(&self) -> &Refresh {
+        &self.refresh
     }
 }
 
 /// The bytes of an answer. One that is all ones, and longer than the `chance` bytes that a sensor
 /// at rest may have so, is none: nobody drove the data line.
-fn heard(outcome: Result<&[u8], BusError>, chance: usize) -> Result<&[u8], SensorFault> {
+fn received(outcome: Result<&[u8], BusError>, chance: usize) -> Result<&[u8], SensorFault> {
     match outcome {
         Ok(bytes) if bytes.len() > chance && bytes.iter().all(|byte| *byte == 0xFF) => {
             Err(SensorFault::AllOnes)

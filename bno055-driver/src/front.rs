@@ -1,11 +1,10 @@
 //! The source of both front ends, which differ in nothing but `.await`.
 
-use tvc_imu::Micros;
-use tvc_imu::Next;
+use tvc_imu::{Micros, Next};
 
 /// How long a front end waits for a chip that comes up or answers: the slowest boot, a crystal, a
 /// self-test and a set-up.
-pub(crate) const PATIENCE_US: u64 = 5_000_000;
+pub(crate) const TIMEOUT_US: u64 = 5_000_000;
 /// No wait takes more turns than this, whatever the clock says.
 pub(crate) const TURNS_MAX: u32 = 4_000;
 /// Transfers that [`Next`] may ask for at once: a whole set-up between two of its pauses, and more.
@@ -14,28 +13,37 @@ pub(crate) const BURST_MAX: u32 = 64;
 /// Microseconds to wait, or `None` if there is nothing to wait for.
 pub(crate) fn pause(next: Next, now: Micros) -> Option<u32> {
     match next {
-        Next::Wait(until) => Some(until.since(now).min(PATIENCE_US) as u32),
+        Next::Wait(until) => Some(until.since(now).min(TIMEOUT_US) as u32),
         Next::Transfer(_) | Next::Sample => None,
     }
 }
 
+/// The content of an answer of this kind.
+macro_rules! the {
+    ($kind:ident, $answer:expr) => {
+        match $answer {
+            Answer::$kind(it) => Ok(it),
+            _ => Err(SensorFault::Protocol),
+        }
+    };
+}
+pub(crate) use the;
+
 macro_rules! front_end {
     ($I2c:path, $DelayNs:path, $hal:ident, [$($async:tt)?], [$($await:tt)*]) => {
-        use $hal::i2c::{Error as _, ErrorKind, NoAcknowledgeSource};
+        use $hal::i2c::{Error as _, ErrorKind};
         use $I2c as I2c;
         use $DelayNs as DelayNs;
 
+        use tvc_imu::{BusError, Imu, Micros, Next, READ_MAX, RawSample, SensorFault, Transfer, WRITE_MAX};
+
         use crate::config::Config;
         use crate::driver::Driver;
-        use tvc_imu::Next;
-        use tvc_imu::SensorFault;
-        use crate::front::{BURST_MAX, PATIENCE_US, TURNS_MAX, pause};
+        use crate::front::{BURST_MAX, TIMEOUT_US, TURNS_MAX, pause, the};
         use crate::fusion::FusionSample;
         use crate::profile::{Profile, SoftIron};
         use crate::request::{Answer, Request};
-        use tvc_imu::RawSample;
         use crate::status::{CalibrationStatus, SelfTest, SystemError, SystemStatus};
-        use tvc_imu::{BusError, Micros, READ_MAX, Transfer, WRITE_MAX};
 
         /// A BNO055 on a bus.
         ///
@@ -99,10 +107,8 @@ macro_rules! front_end {
             /// # Errors
             /// Why the chip does not answer.
             pub $($async)? fn temperature(&mut self) -> Result<f32, SensorFault> {
-                match self.ask(Request::Temperature) $($await)*? {
-                    Answer::Temperature(count) => Ok(self.driver.config().units.celsius(count)),
-                    _ => Err(SensorFault::Protocol),
-                }
+                let count = the!(Temperature, self.ask(Request::Temperature) $($await)*?)?;
+                Ok(self.driver.config().units.celsius(count))
             }
 
             /// Reads how far the chip's fusion has calibrated itself.
@@ -110,10 +116,7 @@ macro_rules! front_end {
             /// # Errors
             /// Why the chip does not answer.
             pub $($async)? fn calibration_status(&mut self) -> Result<CalibrationStatus, SensorFault> {
-                match self.ask(Request::CalibrationStatus) $($await)*? {
-                    Answer::CalibrationStatus(status) => Ok(status),
-                    _ => Err(SensorFault::Protocol),
-                }
+                the!(CalibrationStatus, self.ask(Request::CalibrationStatus) $($await)*?)
             }
 
             /// Reads what the chip does and, if that is [`SystemStatus::Error`], which error it
@@ -133,10 +136,7 @@ macro_rules! front_end {
             /// # Errors
             /// Why the chip does not answer.
             pub $($async)? fn profile(&mut self) -> Result<Profile, SensorFault> {
-                match self.ask(Request::Profile) $($await)*? {
-                    Answer::Profile(profile) => Ok(profile),
-                    _ => Err(SensorFault::Protocol),
-                }
+                the!(Profile, self.ask(Request::Profile) $($await)*?)
             }
 
             /// Reads the soft-iron matrix; sampling pauses for about 0.1 s.
@@ -144,10 +144,7 @@ macro_rules! front_end {
             /// # Errors
             /// Why the chip does not answer.
             pub $($async)? fn soft_iron(&mut self) -> Result<SoftIron, SensorFault> {
-                match self.ask(Request::SoftIron) $($await)*? {
-                    Answer::SoftIron(matrix) => Ok(matrix),
-                    _ => Err(SensorFault::Protocol),
-                }
+                the!(SoftIron, self.ask(Request::SoftIron) $($await)*?)
             }
 
             /// Runs the built-in self-test; sampling pauses for about 0.5 s.
@@ -155,10 +152,7 @@ macro_rules! front_end {
             /// # Errors
             /// Why the chip does not answer. A test that fails is an answer.
             pub $($async)? fn self_test(&mut self) -> Result<SelfTest, SensorFault> {
-                match self.ask(Request::SelfTest) $($await)*? {
-                    Answer::SelfTest(result) => Ok(result),
-                    _ => Err(SensorFault::Protocol),
-                }
+                the!(SelfTest, self.ask(Request::SelfTest) $($await)*?)
             }
 
             /// Sets the chip up with other settings, and waits until it samples.
@@ -224,7 +218,7 @@ macro_rules! front_end {
                         return Ok(());
                     }
                     let now = (self.clock)();
-                    if self.driver.health().failed_setups != failures || now.since(begin) > PATIENCE_US {
+                    if self.driver.health().failed_setups != failures || now.since(begin) > TIMEOUT_US {
                         break;
                     }
                     let next = self.driver.next(now);
@@ -289,10 +283,8 @@ macro_rules! front_end {
                     }
                 };
                 outcome.map_err(|error| {
-                    let kind = match error.kind() {
-                        ErrorKind::NoAcknowledge(
-                            NoAcknowledgeSource::Address | NoAcknowledgeSource::Data | NoAcknowledgeSource::Unknown,
-                        ) => BusError::Nak,
+                    let fault = match error.kind() {
+                        ErrorKind::NoAcknowledge(_) => BusError::Nak,
                         ErrorKind::ArbitrationLoss => BusError::Arbitration,
                         ErrorKind::Bus => BusError::Stuck,
                         ErrorKind::Overrun => BusError::Protocol,
@@ -300,7 +292,7 @@ macro_rules! front_end {
                         _ => BusError::Timeout,
                     };
                     self.bus_error = Some(error);
-                    kind
+                    fault
                 })
             }
         }

@@ -3,8 +3,7 @@
 use crate::config::Units;
 use crate::registers as reg;
 use crate::words;
-use tvc_imu::SensorFault;
-use tvc_imu::{Micros, Transfer};
+use tvc_imu::{Micros, SensorFault, Transfer};
 
 /// The burst that reads every fusion output: 26 bytes.
 pub(crate) const BURST: Transfer = Transfer::read(reg::EUL_DATA, 26);
@@ -71,27 +70,23 @@ impl FusionSample {
     }
 
     /// Heading, roll and pitch in rad.
-    #[must_use]
     pub fn euler_rad(&self, units: &Units) -> [f32; 3] {
         self.euler.map(|count| f32::from(count) * units.angle_rad())
     }
 
     /// The quaternion w, x, y, z, of norm 1 within 5 %.
-    #[must_use]
     pub fn quaternion(&self) -> [f32; 4] {
         self.quaternion
             .map(|count| f32::from(count) * QUATERNION_UNIT)
     }
 
     /// Acceleration without gravity in m/s^2, in the chip's mapped axes.
-    #[must_use]
     pub fn linear_acc_m_s2(&self, units: &Units) -> [f32; 3] {
         self.linear_acc
             .map(|count| f32::from(count) * units.acc_m_s2())
     }
 
     /// Gravity in m/s^2, in the chip's mapped axes.
-    #[must_use]
     pub fn gravity_m_s2(&self, units: &Units) -> [f32; 3] {
         self.gravity
             .map(|count| f32::from(count) * units.acc_m_s2())

@@ -1,7 +1,6 @@
 //! Counters of samples, faults and set-ups.
 
-use tvc_imu::Micros;
-use tvc_imu::SensorFault;
+use tvc_imu::{Micros, SensorFault};
 
 /// What has happened since the driver was made; counters wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,7 +25,7 @@ pub struct Health {
     pub frozen: u32,
     /// Samples out of range.
     pub implausible: u32,
-    /// Samples with an unconfirmed jump.
+    /// Samples in which the words of a sensor became 0.
     pub torn: u32,
     /// Good samples withheld because a register did not read as written.
     pub withheld: u32,

@@ -45,7 +45,9 @@ pub use config::Config;
 pub use driver::{Driver, GLITCH_US};
 pub use fusion::{FusionSample, QUATERNION_UNIT};
 pub use health::Health;
-pub use profile::{Profile, ProfileError, SoftIron};
+#[cfg(feature = "requests")]
+pub use profile::ProfileError;
+pub use profile::{Profile, SoftIron};
 pub use request::{Answer, Request};
 pub use sample::STEP_AGE_US;
 pub use startup::BOOT_DEADLINE_US;

@@ -1,6 +1,7 @@
 //! Operating modes (which sensors run, and whether the chip fuses them) and power modes.
 
 use crate::register_enums::register_enums;
+use crate::status::SystemStatus;
 
 register_enums! {
     /// Operating mode (data sheet section 3.3); CONFIG is not among them, the driver passes through
@@ -47,19 +48,25 @@ register_enums! {
 impl Mode {
     /// Whether the chip's own fusion runs: its outputs are then live, and it sets the sensors
     /// itself (all but the accelerometer's range).
-    #[must_use]
     pub const fn is_fusion(self) -> bool {
         self as u8 >= Self::Imu as u8
     }
 
+    /// The system status while it runs.
+    pub(crate) const fn status(self) -> SystemStatus {
+        if self.is_fusion() {
+            SystemStatus::Fusion
+        } else {
+            SystemStatus::NoFusion
+        }
+    }
+
     /// Whether accelerometer data are live.
-    #[must_use]
     pub const fn has_acc(self) -> bool {
         !matches!(self, Self::MagOnly | Self::GyrOnly | Self::MagGyr)
     }
 
     /// Whether magnetometer data are live.
-    #[must_use]
     pub const fn has_mag(self) -> bool {
         !matches!(
             self,
@@ -68,7 +75,6 @@ impl Mode {
     }
 
     /// Whether gyroscope data are live.
-    #[must_use]
     pub const fn has_gyr(self) -> bool {
         !matches!(
             self,

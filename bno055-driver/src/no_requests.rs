@@ -1,40 +1,22 @@
 //! What a driver without the feature `requests` has in place of questions to the chip, calibration
-//! profile and soft-iron matrix: types that have no value, so that the compiler leaves out all that
+//! profile and soft-iron matrix: a type that has no value, so that the compiler leaves out all that
 //! would handle one.
 
 use crate::config::Sensors;
 use crate::mode::Mode;
 use tvc_imu::Transfer;
 
-/// A question to the chip: there is none without the feature `requests`.
+/// A question to the chip, its answer, a calibration profile, a soft-iron matrix: there is none
+/// without the feature `requests`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Request {}
+pub enum Absent {}
 
-/// An answer of the chip: there is none without the feature `requests`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Answer {}
+pub use Absent as Answer;
+pub use Absent as Profile;
+pub use Absent as Request;
+pub use Absent as SoftIron;
 
-/// A calibration profile: there is none without the feature `requests`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Profile {}
-
-/// A soft-iron matrix: there is none without the feature `requests`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SoftIron {}
-
-/// Why a profile cannot be written: there is none without the feature `requests`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum ProfileError {
-    /// A value out of its range.
-    Range {
-        /// Register of the value's low byte.
-        register: u8,
-        /// The value.
-        value: i16,
-    },
-}
-
-impl Request {
+impl Absent {
     pub(crate) const fn needs_config(self) -> bool {
         match self {}
     }
@@ -47,23 +29,15 @@ impl Request {
         match self {}
     }
 
-    pub(crate) fn decode(self, _bytes: &[u8]) -> Option<Answer> {
+    pub(crate) fn decode(self, _bytes: &[u8]) -> Option<Self> {
         match self {}
     }
-}
 
-impl Profile {
-    pub(crate) fn registers(&self) -> [u8; 22] {
-        match *self {}
+    pub(crate) fn registers(self) -> [u8; 22] {
+        match self {}
     }
 
-    pub(crate) fn check(&self, _mode: Mode, _sensors: &Sensors) -> Result<(), ProfileError> {
-        match *self {}
-    }
-}
-
-impl SoftIron {
-    pub(crate) fn registers(&self) -> [u8; 18] {
-        match *self {}
+    pub(crate) fn wrong_register(self, _mode: Mode, _sensors: &Sensors) -> Option<u8> {
+        match self {}
     }
 }

@@ -77,7 +77,6 @@ impl Profile {
     }
 
     /// The block of registers 0x55 to 0x6A.
-    #[must_use]
     pub fn registers(&self) -> [u8; Self::REGISTERS_LEN] {
         let mut registers = [0; Self::REGISTERS_LEN];
         words::encode(&mut registers, self.words().as_flattened());
@@ -85,7 +84,6 @@ impl Profile {
     }
 
     /// The profile in a block of registers 0x55 to 0x6A.
-    #[must_use]
     pub fn from_registers(bytes: &[u8; Self::REGISTERS_LEN]) -> Self {
         let mut words = [[0; 3]; 4];
         words::decode(words.as_flattened_mut(), bytes);
@@ -129,8 +127,15 @@ impl Profile {
         Ok(())
     }
 
+    /// The first register whose value [`check`](Self::check) refuses.
+    pub(crate) fn wrong_register(&self, mode: Mode, sensors: &Sensors) -> Option<u8> {
+        match self.check(mode, sensors) {
+            Err(ProfileError::Range { register, .. }) => Some(register),
+            _ => None,
+        }
+    }
+
     /// The stored form: a mark, a version, the register block, and a CRC-32 of all of it.
-    #[must_use]
     pub fn to_bytes(&self) -> [u8; Self::STORED_LEN] {
         let mut bytes = [0; Self::STORED_LEN];
         let head = Self::MAGIC
@@ -205,7 +210,6 @@ impl SoftIron {
     pub const REGISTERS_LEN: usize = 18;
 
     /// The block of registers 0x43 to 0x54.
-    #[must_use]
     pub fn registers(&self) -> [u8; Self::REGISTERS_LEN] {
         let mut registers = [0; Self::REGISTERS_LEN];
         words::encode(&mut registers, self.0.as_flattened());
@@ -213,7 +217,6 @@ impl SoftIron {
     }
 
     /// The matrix in a block of registers 0x43 to 0x54.
-    #[must_use]
     pub fn from_registers(bytes: &[u8; Self::REGISTERS_LEN]) -> Self {
         let mut matrix = [[0; 3]; 3];
         words::decode(matrix.as_flattened_mut(), bytes);

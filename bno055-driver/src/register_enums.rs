@@ -31,7 +31,6 @@ macro_rules! register_enums {
 
         impl $name {
             /// What the register's value means.
-            #[must_use]
             pub const fn from_register(value: u8) -> Self {
                 match value {
                     $($value => Self::$variant,)*
@@ -40,7 +39,6 @@ macro_rules! register_enums {
             }
 
             /// The register's value.
-            #[must_use]
             pub const fn code(self) -> u8 {
                 match self {
                     $(Self::$variant => $value,)*

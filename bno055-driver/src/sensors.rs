@@ -111,7 +111,6 @@ register_enums! {
 
 impl AccRange {
     /// Full scale in g.
-    #[must_use]
     pub const fn g(self) -> u8 {
         2 << self as u8
     }
@@ -119,7 +118,6 @@ impl AccRange {
 
 impl GyrRange {
     /// Full scale in deg/s.
-    #[must_use]
     pub const fn dps(self) -> u16 {
         2000 >> self as u8
     }
@@ -145,7 +143,6 @@ pub struct Sensors {
 
 impl GyrBandwidth {
     /// In Hz.
-    #[must_use]
     pub const fn hz(self) -> f32 {
         match self {
             Self::Hz523 => 523.0,
@@ -182,7 +179,6 @@ impl Sensors {
 
     /// ACC_CONFIG, MAG_CONFIG, GYR_CONFIG_0, GYR_CONFIG_1, all three sensors in their normal power
     /// mode (data sheet sections 3.5.2 to 3.5.4).
-    #[must_use]
     pub const fn registers(&self) -> [u8; 4] {
         [
             (self.acc_bandwidth as u8) << 2 | self.acc_range as u8,

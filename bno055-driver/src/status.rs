@@ -55,7 +55,6 @@ register_enums! {
 
 impl SystemStatus {
     /// Whether the chip is on its way to being ready.
-    #[must_use]
     pub const fn is_starting(self) -> bool {
         matches!(
             self,
@@ -105,31 +104,26 @@ pub struct SelfTest {
 
 impl SelfTest {
     /// Whether the accelerometer passed.
-    #[must_use]
     pub const fn acc(&self) -> bool {
         self.result & 1 != 0
     }
 
     /// Whether the magnetometer passed.
-    #[must_use]
     pub const fn mag(&self) -> bool {
         self.result & 2 != 0
     }
 
     /// Whether the gyroscope passed.
-    #[must_use]
     pub const fn gyr(&self) -> bool {
         self.result & 4 != 0
     }
 
     /// Whether the controller passed.
-    #[must_use]
     pub const fn controller(&self) -> bool {
         self.result & 8 != 0
     }
 
     /// Whether everything passed.
-    #[must_use]
     pub const fn passed(&self) -> bool {
         self.result & 0x0F == 0x0F
     }
@@ -153,7 +147,6 @@ pub struct CalibrationStatus {
 
 impl CalibrationStatus {
     /// The status of CALIB_STAT's value.
-    #[must_use]
     pub const fn from_register(value: u8) -> Self {
         Self {
             system: value >> 6,

@@ -80,7 +80,6 @@ impl Units {
     };
 
     /// What a count of each sensor is worth.
-    #[must_use]
     pub const fn scale(&self) -> Scale {
         Scale {
             acc_m_s2: self.acc_m_s2(),
@@ -90,7 +89,6 @@ impl Units {
     }
 
     /// The value of UNIT_SEL.
-    #[must_use]
     pub const fn register(&self) -> u8 {
         self.acc as u8
             | (self.gyr as u8) << 1
@@ -100,7 +98,6 @@ impl Units {
     }
 
     /// One count of acceleration in m/s^2.
-    #[must_use]
     pub const fn acc_m_s2(&self) -> f32 {
         match self.acc {
             AccUnit::MetrePerSecondSquared => 0.01,
@@ -109,7 +106,6 @@ impl Units {
     }
 
     /// One count of angular rate in rad/s.
-    #[must_use]
     pub const fn gyr_rad_s(&self) -> f32 {
         match self.gyr {
             GyrUnit::DegreePerSecond => core::f32::consts::PI / (180.0 * 16.0),
@@ -118,7 +114,6 @@ impl Units {
     }
 
     /// One count of an Euler angle in rad.
-    #[must_use]
     pub const fn angle_rad(&self) -> f32 {
         match self.angle {
             AngleUnit::Degree => core::f32::consts::PI / (180.0 * 16.0),
@@ -127,7 +122,6 @@ impl Units {
     }
 
     /// A temperature reading in degrees Celsius.
-    #[must_use]
     pub fn celsius(&self, count: i8) -> f32 {
         match self.temperature {
             TemperatureUnit::Celsius => f32::from(count),

@@ -4,8 +4,7 @@
 use crate::config::Config;
 use crate::registers as reg;
 use crate::status::SystemStatus;
-use tvc_imu::SensorFault;
-use tvc_imu::Transfer;
+use tvc_imu::{SensorFault, Transfer};
 
 /// The registers that must go on holding what was written; each check's value is its register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,8 +61,7 @@ impl Check {
                     _ => return Err(SensorFault::Protocol),
                 };
                 return match SystemStatus::from_register(status) {
-                    SystemStatus::Fusion if config.mode.is_fusion() => Ok(()),
-                    SystemStatus::NoFusion if !config.mode.is_fusion() => Ok(()),
+                    status if status == config.mode.status() => Ok(()),
                     SystemStatus::Error => Err(SensorFault::System { error }),
                     _ => Err(SensorFault::Reset),
                 };

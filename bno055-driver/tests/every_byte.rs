@@ -5,7 +5,8 @@ mod fake;
 
 use bno055_driver::config::{AxisMap, Mode};
 use bno055_driver::{
-    Answer, BusError, Config, Micros, Next, Profile, Request, SoftIron, SystemError, SystemStatus,
+    Answer, BusError, Config, Imu, Micros, Next, Profile, Request, SoftIron, SystemError,
+    SystemStatus,
 };
 use fake::{Chip, Rig, Spoiler};
 

@@ -5,7 +5,7 @@ mod fake;
 
 use bno055_driver::config::{AxisMap, Mode, Units};
 use bno055_driver::{
-    BusError, Config, GLITCH_US, Micros, Next, SensorFault, TRANSFER_DEADLINE_US, Transfer,
+    BusError, Config, GLITCH_US, Imu, Micros, Next, SensorFault, TRANSFER_DEADLINE_US, Transfer,
 };
 use fake::{Chip, Rig, TICK_US, flying};
 

@@ -4,7 +4,7 @@
 mod fake;
 
 use bno055_driver::config::{AxisMap, Mode, ResetPolicy};
-use bno055_driver::{BusError, Config, Driver, FusionSample, Micros, Next, Profile, Request};
+use bno055_driver::{BusError, Config, Driver, FusionSample, Imu, Micros, Next, Profile, Request};
 
 const MODES: [Mode; 12] = [
     Mode::AccOnly,

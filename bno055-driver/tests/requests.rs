@@ -4,7 +4,7 @@ mod fake;
 
 use bno055_driver::config::Mode;
 use bno055_driver::{
-    Answer, BusError, Bytes, Config, Micros, Next, Profile, Request, SensorFault, SoftIron,
+    Answer, BusError, Bytes, Config, Imu, Micros, Next, Profile, Request, SensorFault, SoftIron,
     SystemError, Transfer,
 };
 use fake::Rig;

@@ -9,7 +9,7 @@ use bno055_driver::config::{
     AccRange, Address, Axis, AxisMap, Mode, ResetPolicy, Sensors, Signed, Units,
 };
 use bno055_driver::{
-    BOOT_DEADLINE_US, BusError, Bytes, Config, Driver, Micros, Next, Profile, SensorFault,
+    BOOT_DEADLINE_US, BusError, Bytes, Config, Driver, Imu, Micros, Next, Profile, SensorFault,
     SoftIron, SystemError, Transfer, registers,
 };
 use fake::{BOOT_US, Rig};

@@ -5,7 +5,7 @@ mod fake;
 use std::cell::Cell;
 
 use bno055_driver::config::{GyrRange, Sensors};
-use bno055_driver::{BusError, Config, Driver, Micros, Next, RawSample, SensorFault};
+use bno055_driver::{BusError, Config, Driver, Imu, Micros, Next, RawSample, SensorFault};
 use fake::{Chip, Rig, TICK_US, flying};
 
 /// The truth that came out must be a truth the chip had at that time.

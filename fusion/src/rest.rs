@@ -9,7 +9,7 @@ use crate::error::{ConfigError, in_range, positive, require};
 use crate::quality::BiasState;
 use crate::real::Real;
 use crate::settings::settings;
-use crate::vector::{add_scaled, difference, within, zero};
+use crate::vector::{add_scaled, difference, within};
 
 settings! {
     /// When the body counts as at rest, and what is learned from it.
@@ -137,7 +137,7 @@ impl<T: Real> Rest<T> {
         Self {
             block: Block::default(),
             reference: None,
-            mean: zero(),
+            mean: [T::ZERO; 3],
             still: 0,
             held: 0,
             refused: 0,

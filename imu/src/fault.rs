@@ -68,8 +68,7 @@ pub enum SensorFault {
     Frozen,
     /// Beyond what the sensors can measure.
     Implausible,
-    /// A jump that the next burst did not confirm, rates of zero in the middle of a turn, or a
-    /// field that changed twice in less time than between two of its refreshes.
+    /// All three words of a sensor became 0 at once, far from what they were.
     Torn,
     /// A tick went by without its burst.
     Late,

@@ -4,7 +4,7 @@
 use bno055_driver::config::{
     AccBandwidth, AccRange, Config, GyrBandwidth, GyrRange, Mode, Sensors,
 };
-use bno055_driver::{BusError, Driver, Micros, Next, SensorFault, Transfer};
+use bno055_driver::{BusError, Driver, Imu, Micros, Next, SensorFault, Transfer};
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::Rng;
 use rig::Ticks;

@@ -25,7 +25,7 @@ pub(super) struct Sampling {
     pub(super) check: Check,
     /// A burst has been judged since the last verification, which may follow now.
     pub(super) due: bool,
-    /// The transfer that [`Driver::next`](super::Driver::next) gave out and that has not been
+    /// The transfer that [`next`](tvc_imu::Imu::next) gave out and that has not been
     /// completed.
     pub(super) outstanding: Option<Errand>,
     /// A register read wrong once: samples are withheld until it has been read again.

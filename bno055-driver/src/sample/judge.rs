@@ -93,7 +93,7 @@ impl Inspector {
 
     /// Whether a burst of the rates alone can be judged: the other words are those of a good burst
     /// before.
-    pub(crate) fn knows_rest(&self) -> bool {
+    pub(crate) fn has_good(&self) -> bool {
         self.good.is_some()
     }
 

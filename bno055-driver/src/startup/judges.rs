@@ -2,32 +2,20 @@
 
 use super::{SetupStep, Verdict};
 use crate::config::Config;
-use crate::profile::ProfileError;
 use crate::registers::{self as reg, IDS};
 use crate::request::Request;
 use crate::settings::Setting;
 use crate::status::{Identity, SystemStatus};
-use tvc_imu::SensorFault;
-use tvc_imu::Transfer;
+use tvc_imu::{SensorFault, Transfer};
 
 /// Pause before a register that does not yet hold what was written is read again.
 const READ_BACK_PAUSE_US: u64 = 5_000;
 /// How long it may take: the data sheet asks for 2 us between writes, but hosts have seen writes
 /// come late or not at all when they followed each other at once.
-const READ_BACK_PATIENCE_US: u64 = 50_000;
+const READ_BACK_TIMEOUT_US: u64 = 50_000;
 
 pub(super) fn identify(bytes: &[u8], config: &Config, identity: &mut Identity) -> Verdict {
-    let &[
-        chip,
-        acc,
-        mag,
-        gyr,
-        software_low,
-        software_high,
-        bootloader,
-        page,
-    ] = bytes
-    else {
+    let &[chip, acc, mag, gyr, low, high, bootloader, page] = bytes else {
         return Verdict::Fail(SensorFault::Protocol);
     };
     let [right_chip, right @ ..] = IDS;
@@ -48,7 +36,7 @@ pub(super) fn identify(bytes: &[u8], config: &Config, identity: &mut Identity) -
             found: page,
         });
     }
-    identity.software = u16::from_le_bytes([software_low, software_high]);
+    identity.software = u16::from_le_bytes([low, high]);
     identity.bootloader = bootloader;
     Verdict::Go(SetupStep::EnterConfig, 0)
 }
@@ -62,21 +50,20 @@ pub(super) fn await_mode(bytes: &[u8], mode: u8, next: SetupStep) -> Verdict {
         register: reg::OPR_MODE,
         found,
     };
-    Verdict::again(5_000, 100_000, fault)
+    Verdict::Again(5_000, 100_000, fault)
 }
 
 pub(super) fn answer(request: Request, bytes: &[u8], next: SetupStep) -> Verdict {
-    request
-        .decode(bytes)
-        .map_or(Verdict::Fail(SensorFault::Protocol), |answer| {
-            Verdict::Answer(answer, next)
-        })
+    match request.decode(bytes) {
+        Some(answer) => Verdict::Answer(answer, next),
+        None => Verdict::Fail(SensorFault::Protocol),
+    }
 }
 
 pub(super) fn await_self_test(request: Request, bytes: &[u8], next: SetupStep) -> Verdict {
     match *bytes {
         [result, _, _, status, _] if SystemStatus::from_register(status).is_starting() => {
-            Verdict::again(10_000, 1_000_000, SensorFault::SelfTest { result })
+            Verdict::Again(10_000, 1_000_000, SensorFault::SelfTest { result })
         }
         _ => answer(request, bytes, next),
     }
@@ -89,7 +76,7 @@ pub(super) fn diagnose(bytes: &[u8], config: &Config) -> Verdict {
     match SystemStatus::from_register(status) {
         SystemStatus::Error => return Verdict::Fail(SensorFault::System { error }),
         status if status.is_starting() => {
-            return Verdict::again(10_000, 600_000, SensorFault::System { error });
+            return Verdict::Again(10_000, 600_000, SensorFault::System { error });
         }
         _ => {}
     }
@@ -97,13 +84,14 @@ pub(super) fn diagnose(bytes: &[u8], config: &Config) -> Verdict {
     if result & needed != needed {
         return Verdict::Fail(SensorFault::SelfTest { result });
     }
-    if let Some(profile) = config.profile
-        && let Err(ProfileError::Range { register, .. }) =
-            profile.check(config.mode, &config.sensors)
+    let (mode, sensors) = (config.mode, &config.sensors);
+    match config
+        .profile
+        .and_then(|profile| profile.wrong_register(mode, sensors))
     {
-        return Verdict::Fail(SensorFault::Profile { register });
+        Some(register) => Verdict::Fail(SensorFault::Profile { register }),
+        None => Verdict::Go(SetupStep::Write(Setting::Power), 0),
     }
-    Verdict::Go(SetupStep::Write(Setting::Power), 0)
 }
 
 pub(super) fn confirm(
@@ -121,7 +109,7 @@ pub(super) fn confirm(
                 if (found ^ written) & setting.mask(config, offset) != 0 {
                     let register = register.saturating_add(offset as u8);
                     let fault = SensorFault::Configuration { register, found };
-                    return Verdict::again(READ_BACK_PAUSE_US, READ_BACK_PATIENCE_US, fault);
+                    return Verdict::Again(READ_BACK_PAUSE_US, READ_BACK_TIMEOUT_US, fault);
                 }
             }
         }
@@ -147,8 +135,7 @@ pub(super) fn await_running(bytes: &[u8], config: &Config) -> Verdict {
     let fault = SensorFault::System { error };
     match SystemStatus::from_register(status) {
         SystemStatus::Error => Verdict::Fail(fault),
-        SystemStatus::Fusion if config.mode.is_fusion() => Verdict::Go(SetupStep::AwaitData, 0),
-        SystemStatus::NoFusion if !config.mode.is_fusion() => Verdict::Go(SetupStep::AwaitData, 0),
-        _ => Verdict::again(5_000, 500_000, fault),
+        status if status == config.mode.status() => Verdict::Go(SetupStep::AwaitData, 0),
+        _ => Verdict::Again(5_000, 500_000, fault),
     }
 }

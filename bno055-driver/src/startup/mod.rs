@@ -9,8 +9,7 @@ use crate::sample::{self, Inspector};
 use crate::settings::Setting;
 use crate::status::Identity;
 use judges::{answer, await_mode, await_running, await_self_test, confirm, diagnose, identify};
-use tvc_imu::SensorFault;
-use tvc_imu::{BusError, Micros, Transfer};
+use tvc_imu::{BusError, Micros, SensorFault, Transfer};
 
 /// How long a chip may take to answer and identify itself before that is reported as a fault: 850
 /// ms are common, and the identification can be wrong for another second.
@@ -73,29 +72,6 @@ pub(crate) enum Goal {
     Suspended,
 }
 
-/// What a step asks of the bus.
-enum Access {
-    Read(u8, u8),
-    Write(u8, u8),
-    Ask(Request),
-    Setting(Setting),
-    ReadBack(Setting),
-    Burst,
-}
-
-impl Access {
-    fn transfer(self, config: &Config) -> Transfer {
-        match self {
-            Self::Read(register, len) => Transfer::read(register, len),
-            Self::Write(register, value) => Transfer::write(register, [value]),
-            Self::Ask(request) => request.read(),
-            Self::Setting(setting) => setting.write(config),
-            Self::ReadBack(setting) => setting.read(config),
-            Self::Burst => sample::burst(config.mode),
-        }
-    }
-}
-
 /// How the answer to a step's transfer is judged.
 enum Judge {
     /// There is nothing to judge: the step follows after so many microseconds.
@@ -107,7 +83,7 @@ enum Judge {
     SelfTest(Request),
     Diagnosis,
     Written(Setting),
-    /// The clock source may be changed; the step follows. The patience is in microseconds.
+    /// The clock source may be changed, within so many microseconds; the step follows.
     ClockIdle(SetupStep, u64),
     Running,
     LiveData,
@@ -118,27 +94,12 @@ enum Judge {
 enum Verdict {
     /// To the next step, after so many microseconds.
     Go(SetupStep, u64),
-    /// Once more after so many microseconds, until the step's patience (also microseconds) ends
-    /// with this fault.
-    Again {
-        pause_us: u64,
-        patience_us: u64,
-        fault: SensorFault,
-    },
+    /// Once more after so many microseconds, until the step has taken so many; then this fault.
+    Again(u64, u64, SensorFault),
     Fail(SensorFault),
     /// To the next step, with an answer.
     Answer(Answer, SetupStep),
     Reached,
-}
-
-impl Verdict {
-    const fn again(pause_us: u64, patience_us: u64, fault: SensorFault) -> Self {
-        Self::Again {
-            pause_us,
-            patience_us,
-            fault,
-        }
-    }
 }
 
 /// What a completed step means to the driver.
@@ -156,8 +117,8 @@ pub(crate) enum Progress {
 #[derive(Clone, Debug)]
 pub(crate) struct Startup {
     goal: Goal,
-    /// To be asked on the way.
-    request: Option<Request>,
+    /// To be asked on the way. Without it an answer that is still to come is discarded.
+    pub(crate) request: Option<Request>,
     step: SetupStep,
     step_since: Micros,
     not_before: Micros,
@@ -168,52 +129,32 @@ pub(crate) struct Startup {
     outstanding: bool,
     /// Fresh, good bursts so far while waiting for data.
     live: u8,
-    inspector: Inspector,
-    identity: Identity,
+    /// The judge that has seen the first bursts.
+    pub(crate) inspector: Inspector,
+    pub(crate) identity: Identity,
 }
 
 impl Startup {
-    /// A set-up that began at `began`, or begins at the first look at the clock.
-    pub(crate) fn new(goal: Goal, request: Option<Request>, began: Option<Micros>) -> Self {
-        Self::again(goal, request, began, Inspector::default())
-    }
-
-    /// The same of a chip whose bursts `inspector` has judged.
-    pub(crate) fn again(
-        goal: Goal,
-        request: Option<Request>,
-        began: Option<Micros>,
-        inspector: Inspector,
-    ) -> Self {
-        let now = began.unwrap_or_default();
+    /// A set-up that begins at the first look at the clock.
+    pub(crate) fn new(goal: Goal, request: Option<Request>) -> Self {
         Self {
             goal,
             request,
             step: SetupStep::Call,
-            step_since: now,
-            not_before: now,
-            began,
+            step_since: Micros::default(),
+            not_before: Micros::default(),
+            began: None,
             failures: 0,
             outstanding: false,
             live: 0,
-            inspector,
+            inspector: Inspector::default(),
             identity: Identity::default(),
         }
     }
 
-    /// Asks nothing more on the way, and discards an answer that is still to come.
-    pub(crate) fn cancel(&mut self) {
-        self.request = None;
-    }
-
-    /// Once sampling: the judge that has seen the first bursts.
-    pub(crate) fn inspector(&self) -> &Inspector {
-        &self.inspector
-    }
-
-    /// Once sampling: the chip's identity.
-    pub(crate) fn identity(&self) -> &Identity {
-        &self.identity
+    /// It begins now.
+    pub(crate) fn begin(&mut self, now: Micros) {
+        (self.step_since, self.not_before, self.began) = (now, now, Some(now));
     }
 
     /// When this set-up began.
@@ -228,73 +169,69 @@ impl Startup {
             return Err(self.not_before);
         }
         self.outstanding = true;
-        let (access, _) = self.row(config);
-        Ok(access.transfer(config))
+        let (transfer, _) = self.row(config);
+        Ok(transfer)
     }
 
     /// The table of the set-up: what each step asks of the bus, and how the answer is judged.
-    fn row(&self, config: &Config) -> (Access, Judge) {
+    fn row(&self, config: &Config) -> (Transfer, Judge) {
         use SetupStep as Step;
+        let read = Transfer::read;
+        let write = |register, value| Transfer::write(register, [value]);
         match self.step {
-            Step::Call => (
-                Access::Write(reg::PAGE_ID, 0),
-                Judge::Then(Step::Identify, 0),
-            ),
-            Step::Identify => (Access::Read(reg::CHIP_ID, 8), Judge::Identity),
+            Step::Call => (write(reg::PAGE_ID, 0), Judge::Then(Step::Identify, 0)),
+            Step::Identify => (read(reg::CHIP_ID, 8), Judge::Identity),
             Step::Reset => (
-                Access::Write(reg::SYS_TRIGGER, reg::RST_SYS),
+                write(reg::SYS_TRIGGER, reg::RST_SYS),
                 Judge::Then(Step::Call, RESET_US),
             ),
             Step::EnterConfig => (
-                Access::Write(reg::OPR_MODE, 0),
+                write(reg::OPR_MODE, 0),
                 Judge::Then(Step::AwaitConfig, TO_CONFIG_US),
             ),
             Step::AwaitConfig => {
                 let next = self.request.map_or(self.purpose(), Step::Ask);
-                (Access::Read(reg::OPR_MODE, 1), Judge::Mode(0, next))
+                (read(reg::OPR_MODE, 1), Judge::Mode(0, next))
             }
             Step::Ask(request) if request.is_self_test() => {
-                let clock = if config.external_crystal {
-                    reg::CLK_SEL
-                } else {
-                    0
-                };
+                // The clock stays as it is.
+                let clock = reg::CLK_SEL * u8::from(config.external_crystal);
                 (
-                    Access::Write(reg::SYS_TRIGGER, reg::SELF_TEST | clock),
+                    write(reg::SYS_TRIGGER, reg::SELF_TEST | clock),
                     Judge::Then(Step::AwaitSelfTest(request), SELF_TEST_US),
                 )
             }
-            Step::Ask(request) => (Access::Ask(request), Judge::Answer(request)),
-            Step::AwaitSelfTest(request) => (Access::Ask(request), Judge::SelfTest(request)),
-            Step::Diagnose => (Access::Read(reg::ST_RESULT, 5), Judge::Diagnosis),
+            Step::Ask(request) => (request.read(), Judge::Answer(request)),
+            Step::AwaitSelfTest(request) => (request.read(), Judge::SelfTest(request)),
+            Step::Diagnose => (read(reg::ST_RESULT, 5), Judge::Diagnosis),
             Step::Write(setting) => (
-                Access::Setting(setting),
+                setting.write(config),
                 Judge::Then(Step::Confirm(setting), WRITE_US),
             ),
-            Step::Confirm(setting) => (Access::ReadBack(setting), Judge::Written(setting)),
+            Step::Confirm(setting) => (setting.read(config), Judge::Written(setting)),
             Step::AwaitClock => (
-                Access::Read(reg::SYS_CLK_STATUS, 1),
+                read(reg::SYS_CLK_STATUS, 1),
                 Judge::ClockIdle(Step::SelectClock, 500_000),
             ),
             Step::SelectClock => (
-                Access::Write(reg::SYS_TRIGGER, reg::CLK_SEL),
+                write(reg::SYS_TRIGGER, reg::CLK_SEL),
                 Judge::Then(Step::ConfirmClock, CLOCK_SWITCH_US),
             ),
             Step::ConfirmClock => (
-                Access::Read(reg::SYS_CLK_STATUS, 1),
+                read(reg::SYS_CLK_STATUS, 1),
                 Judge::ClockIdle(Step::EnterMode, 1_200_000),
             ),
             Step::EnterMode => (
-                Access::Write(reg::OPR_MODE, config.mode as u8),
+                write(reg::OPR_MODE, config.mode as u8),
                 Judge::Then(Step::AwaitMode, FROM_CONFIG_US),
             ),
             Step::AwaitMode => (
-                Access::Read(reg::OPR_MODE, 1),
+                read(reg::OPR_MODE, 1),
                 Judge::Mode(config.mode as u8, Step::AwaitRunning),
             ),
-            Step::AwaitRunning => (Access::Read(reg::SYS_STATUS, 2), Judge::Running),
-            Step::AwaitData => (Access::Burst, Judge::LiveData),
-            Step::Suspend => (Access::Write(reg::PWR_MODE, SUSPEND), Judge::Suspended),
+            Step::AwaitRunning => (read(reg::SYS_STATUS, 2), Judge::Running),
+            Step::AwaitData => (sample::burst(config.mode), Judge::LiveData),
+            Step::Suspend => (write(reg::PWR_MODE, SUSPEND), Judge::Suspended),
         }
     }
 
@@ -308,10 +245,10 @@ impl Startup {
         if !core::mem::take(&mut self.outstanding) {
             return Progress::Going;
         }
-        let (access, judge) = self.row(config);
+        let (transfer, judge) = self.row(config);
         let verdict = match outcome {
             Err(error) => Verdict::Fail(error.into()),
-            Ok(bytes) if bytes.len() != access.transfer(config).answer_len() => {
+            Ok(bytes) if bytes.len() != transfer.answer_len() => {
                 Verdict::Fail(SensorFault::Protocol)
             }
             Ok(bytes) => self.judge(judge, now, bytes, config),
@@ -331,12 +268,8 @@ impl Startup {
                     return Progress::Answered(answer);
                 }
             }
-            Verdict::Again {
-                pause_us,
-                patience_us,
-                fault,
-            } => {
-                if now.since(self.step_since) >= patience_us {
+            Verdict::Again(pause_us, timeout_us, fault) => {
+                if now.since(self.step_since) >= timeout_us {
                     return self.fail(now, fault, config);
                 }
                 self.not_before = now.after(pause_us);
@@ -394,10 +327,10 @@ impl Startup {
             Judge::SelfTest(request) => await_self_test(request, bytes, self.purpose()),
             Judge::Diagnosis => diagnose(bytes, config),
             Judge::Written(setting) => confirm(setting, bytes, config, &mut self.identity),
-            Judge::ClockIdle(next, patience_us) => match bytes {
+            Judge::ClockIdle(next, timeout_us) => match bytes {
                 // Bit 0 set: the clock is being configured and must be left alone.
                 [status] if status & 1 == 0 => Verdict::Go(next, 0),
-                _ => Verdict::again(10_000, patience_us, SensorFault::Clock),
+                _ => Verdict::Again(10_000, timeout_us, SensorFault::Clock),
             },
             Judge::Running => {
                 let verdict = await_running(bytes, config);
@@ -419,7 +352,7 @@ impl Startup {
                     }
                     Err(fault) => fault,
                 };
-                Verdict::again(10_000, 1_000_000, fault)
+                Verdict::Again(10_000, 1_000_000, fault)
             }
         }
     }

@@ -17,7 +17,9 @@
     reason = "a module of several test files, each with its own part"
 )]
 
-use bno055_driver::{BusError, Config, Driver, Micros, Next, RawSample, SensorFault, Transfer};
+use bno055_driver::{
+    BusError, Config, Driver, Imu, Micros, Next, RawSample, SensorFault, Transfer,
+};
 
 pub const BOOT_US: u64 = 650_000;
 pub const TICK_US: u64 = 10_000;

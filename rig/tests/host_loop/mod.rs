@@ -2,7 +2,7 @@
 //! them: a bus master with ideal timing, ticks every 10 ms locked to a servo frame of 20 ms, as
 //! they are with a bus of 100 kHz.
 
-use bno055_driver::{BusError, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
+use bno055_driver::{BusError, Imu, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
 use rig::bench::{BenchConfig, Environment, Wiring};
 use samd21::board::{Board, I2cEvent, Ticks};
 use tvc_nano::failsafe::BootReport;
