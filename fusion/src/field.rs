@@ -167,13 +167,8 @@ impl<T: Real> Field<T> {
         require(config.gate > 0.0, "field.gate")?;
         positive(config.tau_s, "field.tau_s")?;
         positive(config.adopt_s, "field.adopt_s")?;
-        let most_rate = 100.0;
-        in_range(
-            config.adopt_rate_rad_s,
-            0.0,
-            most_rate,
-            "field.adopt_rate_rad_s",
-        )?;
+        let rate = config.adopt_rate_rad_s;
+        in_range(rate, 0.0, 100.0, "field.adopt_rate_rad_s")?;
         positive(config.reject_s, "field.reject_s")?;
         in_range(declination_rad, -PI, PI, "declination_rad")?;
         Ok(Self {

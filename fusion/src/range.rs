@@ -340,11 +340,8 @@ impl<T: Real> Axis<T> {
             if supposed < limit || sharper {
                 learned = limit == configured;
                 self.fresh |= learned;
-                let sure = !self.fresh;
-                *self.limit_mut(rate.is_negative()) = Limit {
-                    size: supposed,
-                    sure,
-                };
+                let (size, sure) = (supposed, !self.fresh);
+                *self.limit_mut(rate.is_negative()) = Limit { size, sure };
             } else if supposed < T::from_f32(f32::INFINITY) && limit < configured && !self.fresh {
                 self.limit_mut(rate.is_negative()).sure = true;
             }

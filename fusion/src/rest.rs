@@ -185,11 +185,9 @@ impl<T: Real> Rest<T> {
             near(&gyr, gyr_ref, self.rate_limit * tight) && near(&acc, acc_ref, self.acc_limit)
         });
         let small = within(&gyr, self.max_bias);
-        let is_refused = steady && !small;
-        self.refused = if is_refused {
-            self.refused.saturating_add(1)
-        } else {
-            0
+        self.refused = match (steady, small) {
+            (true, false) => self.refused.saturating_add(1),
+            _ => 0,
         };
         self.moved |= self.reference.is_some() && !steady;
         if !(steady && small) {

@@ -22,6 +22,12 @@ struct Window<const N: usize> {
     count: usize,
 }
 
+impl<const N: usize> Default for Window<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl<const N: usize> Window<N> {
     const fn new() -> Self {
         const { assert!(N > 0, "a window holds at least one sample") };
@@ -43,18 +49,18 @@ impl<const N: usize> Window<N> {
     /// The samples so far, oldest first.
     fn in_order(&self) -> impl DoubleEndedIterator<Item = f32> {
         let first = self.next + N - self.count;
-        (0..self.count).map(move |i| {
-            self.samples
-                .get((first + i) % N)
-                .copied()
-                .unwrap_or_default()
-        })
+        (0..self.count).filter_map(move |i| self.samples.get((first + i) % N).copied())
+    }
+
+    /// Their mean.
+    fn mean(&self) -> f32 {
+        self.in_order().sum::<f32>() / self.count as f32
     }
 }
 
 /// The mean of the last `N` samples. Delay `(N - 1) / 2` samples at every frequency; noise falls to
 /// `1 / sqrt(N)`.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct MovingAverage<const N: usize> {
     window: Window<N>,
 }
@@ -71,13 +77,7 @@ impl<const N: usize> MovingAverage<N> {
     /// for ever.
     pub fn update(&mut self, sample: f32) -> f32 {
         self.window.push(sample);
-        self.window.in_order().sum::<f32>() / self.window.count as f32
-    }
-}
-
-impl<const N: usize> Default for MovingAverage<N> {
-    fn default() -> Self {
-        Self::new()
+        self.window.mean()
     }
 }
 
@@ -122,9 +122,8 @@ impl<const N: usize> Weighted<N> {
     /// With weights for the newest sample, the one before and so on. `None` if one is negative or
     /// not finite, or that of the newest is 0.
     pub fn new(weights: [f32; N]) -> Option<Self> {
-        let valid = weights
-            .iter()
-            .all(|weight| (0.0..f32::INFINITY).contains(weight));
+        let is_size = |weight| (0.0..f32::INFINITY).contains(weight);
+        let valid = weights.iter().all(is_size);
         let newest = weights.first().is_some_and(|weight| *weight > 0.0);
         (valid && newest).then(|| Self {
             window: Window::new(),
@@ -152,7 +151,7 @@ impl<const N: usize> Weighted<N> {
 
 /// The median of the last `N` samples (the mean of the middle two for an even number). Removes
 /// outliers of up to `(N - 1) / 2` samples altogether; a ramp comes out `(N - 1) / 2` samples late.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Median<const N: usize> {
     window: Window<N>,
 }
@@ -181,12 +180,6 @@ impl<const N: usize> Median<N> {
         } else {
             0.5 * (at(count / 2 - 1) + at(count / 2))
         }
-    }
-}
-
-impl<const N: usize> Default for Median<N> {
-    fn default() -> Self {
-        Self::new()
     }
 }
 
@@ -225,13 +218,10 @@ impl<const N: usize> SavitzkyGolay<N> {
     pub fn update(&mut self, sample: f32) -> f32 {
         self.window.push(sample);
         if self.window.count < N {
-            return self.window.in_order().sum::<f32>() / self.window.count as f32;
+            return self.window.mean();
         }
-        self.window
-            .in_order()
-            .zip(&self.weights)
-            .map(|(sample, weight)| sample * weight)
-            .sum()
+        let pairs = self.window.in_order().zip(&self.weights);
+        pairs.map(|(sample, weight)| sample * weight).sum()
     }
 }
 

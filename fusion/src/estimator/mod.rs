@@ -313,13 +313,6 @@ impl<F: Filter> Estimator<F> {
         }
     }
 
-    /// The attitude is turned by what is no correction.
-    fn interrupt_motion_bias(&mut self) {
-        if let Some(motion_bias) = &mut self.motion_bias {
-            motion_bias.interrupt();
-        }
-    }
-
     /// Deviations are brought up to date now and then.
     #[inline(always)]
     fn update_uncertainty(&mut self, view: &View<F::Real>) {
@@ -380,7 +373,7 @@ impl<F: Filter> Estimator<F> {
     fn gap(&mut self) -> F::Real {
         self.flags.gap = true;
         self.rest.interrupt();
-        self.interrupt_motion_bias();
+        self.motion_bias.iter_mut().for_each(MotionBias::interrupt);
         self.unsettle(F::Real::from_f32(GAP_SIGMA * GAP_SIGMA));
         F::Real::from_f32(self.gap_s)
     }
@@ -463,7 +456,7 @@ impl<F: Filter> Estimator<F> {
     #[cold]
     fn first_heading(&mut self, mag: &[F::Real; 3]) {
         let up = self.orientation.up();
-        self.interrupt_motion_bias();
+        self.motion_bias.iter_mut().for_each(MotionBias::interrupt);
         self.align(&up, Some(mag));
         self.unsettle(F::Real::from_f32(GAP_SIGMA * GAP_SIGMA));
         let rows = self.orientation.half_rows();

@@ -3,6 +3,7 @@
 use super::{Estimator, Phase, SETTLED_S};
 use crate::error::{ConfigError, require};
 use crate::filter::Filter;
+use crate::motion_bias::MotionBias;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::recovery::Recovery;
@@ -75,7 +76,7 @@ impl<F: Filter> Estimator<F> {
         }
 
         if let Some(Quaternion { w, x, y, z }) = state.orientation {
-            self.interrupt_motion_bias();
+            self.motion_bias.iter_mut().for_each(MotionBias::interrupt);
             self.orientation = Quaternion::normalised(w, x, y, z);
             self.pending = zero();
             self.phase = Phase::Settling;
@@ -108,7 +109,7 @@ impl<F: Filter> Estimator<F> {
         let turn = yaw_rad - self.orientation.euler().yaw_rad;
         let (sin, cos) = (turn * F::Real::HALF).sin_cos();
         let about_down = Quaternion::new(cos, F::Real::ZERO, F::Real::ZERO, sin);
-        self.interrupt_motion_bias();
+        self.motion_bias.iter_mut().for_each(MotionBias::interrupt);
         self.orientation = about_down.mul(&self.orientation);
         self.orientation.restore_norm();
     }
@@ -125,7 +126,7 @@ impl<F: Filter> Estimator<F> {
     /// of the sensors stays: offset, field, lag, ranges.
     pub fn reset(&mut self) {
         self.rest.interrupt();
-        self.interrupt_motion_bias();
+        self.motion_bias.iter_mut().for_each(MotionBias::interrupt);
         self.recovery = Recovery::default();
         self.orientation = Quaternion::IDENTITY;
         (self.pending, self.rate) = (zero(), zero());

@@ -1,8 +1,9 @@
 //! A filter that is chosen while the program runs.
 
-use super::filters::{Complementary, Correction, Filter, FilterState, Madgwick, Mahony, View, Vqf};
+use super::filters::sealed::Sealed;
+use super::filters::{Complementary, Correction, Filter, FilterState, Made, Madgwick, Mahony};
+use super::filters::{View, Vqf};
 use crate::complementary::ComplementaryGains;
-use crate::error::ConfigError;
 use crate::madgwick::MadgwickGains;
 use crate::mahony::MahonyGains;
 use crate::vqf::VqfGains;
@@ -22,29 +23,19 @@ macro_rules! any {
             $(#[doc = concat!("See [`", stringify!($name), "`].")] $name($name),)+
         }
 
+        $(impl Sealed for $name {})+
+        impl Sealed for AnyFilter {}
+
         impl Filter for AnyFilter {
             type Gains = AnyGains;
 
             #[inline(always)]
-            fn new(gains: &AnyGains, period_s: f32, per_g: f32) -> Result<Self, ConfigError> {
-                Ok(match gains {
+            fn new(gains: &AnyGains, period_s: f32, per_g: f32) -> Made<Self> {
+                match gains {
                     $(AnyGains::$name(gains) => {
-                        Self::$name($name::new(gains, period_s, per_g)?)
+                        let (filter, pace) = $name::new(gains, period_s, per_g)?;
+                        Ok((Self::$name(filter), pace))
                     })+
-                })
-            }
-
-            #[inline(always)]
-            fn rates(gains: &AnyGains, period_s: f32) -> (f32, f32) {
-                match gains {
-                    $(AnyGains::$name(gains) => $name::rates(gains, period_s),)+
-                }
-            }
-
-            #[inline(always)]
-            fn counts(gains: &AnyGains, per_g: f32) -> f32 {
-                match gains {
-                    $(AnyGains::$name(gains) => $name::counts(gains, per_g),)+
                 }
             }
 

@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 
-use crate::error::{ConfigError, in_range};
+use crate::error::{ConfigError, in_range, require};
 
 /// Sampling periods that the estimators take, us; the longest ones only where a step of 1.25
 /// periods turns by no more than the quarter of a radian an axis that the rotation has room for
@@ -58,14 +58,9 @@ impl Scale {
     /// Refuses a scale that the number formats are not made for, at this sampling period.
     #[inline(always)]
     pub(super) fn check(&self, period_s: f32) -> Result<(), ConfigError> {
-        for (value, range, name) in [
-            (self.gyr_rad_s, Self::GYR_RAD_S, "gyr_rad_s"),
-            (self.acc_m_s2, Self::ACC_M_S2, "acc_m_s2"),
-            (self.mag_ut, Self::MAG_UT, "mag_ut"),
-        ] {
-            in_range(value, *range.start(), *range.end(), name)?;
-        }
-        in_range(self.gyr_rad_s * period_s, 0.0, Self::TURN_RAD, "period_us")?;
-        Ok(())
+        require(Self::GYR_RAD_S.contains(&self.gyr_rad_s), "gyr_rad_s")?;
+        require(Self::ACC_M_S2.contains(&self.acc_m_s2), "acc_m_s2")?;
+        require(Self::MAG_UT.contains(&self.mag_ut), "mag_ut")?;
+        in_range(self.gyr_rad_s * period_s, 0.0, Self::TURN_RAD, "period_us")
     }
 }

@@ -55,7 +55,7 @@
 
 use super::counts::{Counts, PERIOD_US, Scale};
 use super::field::{Compass, size};
-use super::filters::{Filter, Heading, View};
+use super::filters::{Filter, Heading, Pace, View};
 use super::format::{Q15, are_within, normalised};
 use super::lag;
 use super::orientation::{Angles, Orientation};
@@ -83,7 +83,7 @@ const DT_BITS: u32 = 16;
 
 /// Most bits that are given up in a step longer than 1.25 periods: eight times that are ten
 /// periods.
-const MAX_COARSE_SHIFT: u8 = 3;
+const MAX_COARSE_SHIFT: u32 = 3;
 
 /// An attitude estimator in fixed point: all that follows from a configuration. It never changes;
 /// what it remembers is a [`State`], which each step changes.
@@ -139,11 +139,11 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         scale.check(period_s)?;
         let log2_block = rest::log2_block(period_s);
         let block_s = period_s * f32::from(1u16 << log2_block);
-        let (acc_per_s, mag_per_s) = F::rates(&config.gains, period_s);
         let per_g = GRAVITY / scale.acc_m_s2;
+        let (filter, Pace { per_s, counts }) = F::new(&config.gains, period_s, per_g)?;
         let schedule = Schedule::new(
-            (acc_per_s * period_s, mag_per_s * period_s),
-            (per_g, F::counts(&config.gains, per_g)),
+            (per_s.0 * period_s, per_s.1 * period_s),
+            (per_g, counts),
             log2_block,
             config.start_up_s / block_s,
         )?;
@@ -160,16 +160,16 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         Ok(Self {
             per_count_us: per_count_us as u32,
             max_short_dt_us,
-            turn_shift: turn_shift.into(),
+            turn_shift,
             rest,
-            filter: F::new(&config.gains, period_s, per_g)?,
+            filter,
             sensors: S::new(config, scale)?,
             compass: Compass::new(&config.field, scale, period_s)?,
             schedule,
             uncertainty: Uncertainty::new(scale, block_s),
             max_dt_us: MAX_DT_US.min(max_short_dt_us << coarse_shift),
             max_rotation: (MAX_HALF_ANGLE * 2e6 / scale.gyr_rad_s) as u32,
-            coarse_shift: coarse_shift.into(),
+            coarse_shift,
             half_declination: half_declination(config.declination_rad)?,
             gyr_rad_s: scale.gyr_rad_s,
         })
@@ -427,7 +427,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     #[inline(never)]
     fn update_uncertainty(&self, state: &mut State, gyr: &[i16; 3]) {
         let (own, uncertainty) = (&self.uncertainty, &mut state.uncertainty);
-        let schedule = &state.schedule;
+        let (schedule, gain_log2) = (&self.schedule, state.schedule.gain_log2);
         match state.due.next_job() {
             job::CLOSE => {
                 let good_field = self.rest.is_recent(&state.rest, state.heading_tick)
@@ -436,8 +436,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
                 own.close(uncertainty, state.rest.is_at_rest(), good_field);
             }
             job::TURN => own.turn(uncertainty, &lag::rates(gyr, &state.rotation.bias)),
-            job::TILT => own.pass_tilt(uncertainty, self.schedule.tilt_raised(schedule)),
-            job::HEADING => own.pass_heading(uncertainty, self.schedule.heading_raised(schedule)),
+            job::TILT => own.pass_tilt(uncertainty, schedule.tilt.raised(gain_log2)),
+            job::HEADING => own.pass_heading(uncertainty, schedule.heading.raised(gain_log2)),
             _ => {}
         }
     }

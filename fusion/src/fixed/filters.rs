@@ -93,30 +93,26 @@ pub trait Filter: sealed::Sealed + Sized {
     /// standard gravity. A gain out of range, or one that does not exist in fixed point, is refused
     /// by name.
     #[doc(hidden)]
-    fn new(gains: &Self::Gains, period_s: f32, per_g: f32) -> Result<Self, ConfigError>;
-
-    /// Rates, 1/s, at which tilt and heading follow: a running mean is over when it is as slow.
-    #[doc(hidden)]
-    fn rates(gains: &Self::Gains, period_s: f32) -> (f32, f32);
-
-    /// What the tilt gain is for: the counts that a tilt error of a right angle has.
-    #[doc(hidden)]
-    fn counts(_: &Self::Gains, per_g: f32) -> f32 {
-        per_g
-    }
+    fn new(gains: &Self::Gains, period_s: f32, per_g: f32) -> Made<Self>;
 
     /// The correction of a step.
     #[doc(hidden)]
     fn correction(&self, state: &mut FilterState, view: &View<'_>) -> Correction;
 }
 
-mod sealed {
+pub(super) mod sealed {
     pub trait Sealed {}
-    impl Sealed for super::Vqf {}
-    impl Sealed for super::Mahony {}
-    impl Sealed for super::Madgwick {}
-    impl Sealed for super::Complementary {}
-    impl Sealed for crate::fixed::AnyFilter {}
+}
+
+/// A filter and its pace, or why there is none.
+pub(super) type Made<F> = Result<(F, Pace), ConfigError>;
+
+/// How fast a filter follows.
+pub struct Pace {
+    /// Rates of tilt and heading, 1/s: a running mean is over when it is as slow.
+    pub(super) per_s: (f32, f32),
+    /// What the tilt gain is for: the counts that a tilt error of a right angle has.
+    pub(super) counts: f32,
 }
 
 /// What a filter remembers: the same words for all, of which the VQF class alone needs any.
@@ -240,13 +236,10 @@ pub struct Mahony;
 impl Filter for Mahony {
     type Gains = MahonyGains;
 
-    fn new(gains: &MahonyGains, _: f32, _: f32) -> Result<Self, ConfigError> {
+    fn new(gains: &MahonyGains, _: f32, counts: f32) -> Made<Self> {
         in_range(gains.integral_per_s2, 0.0, 0.0, "integral_per_s2")?;
-        Ok(Self)
-    }
-
-    fn rates(gains: &MahonyGains, _: f32) -> (f32, f32) {
-        (gains.acc_per_s, gains.mag_per_s)
+        let per_s = (gains.acc_per_s, gains.mag_per_s);
+        Ok((Self, Pace { per_s, counts }))
     }
 
     #[inline(always)]
@@ -265,21 +258,13 @@ pub struct Complementary {
 impl Filter for Complementary {
     type Gains = ComplementaryGains;
 
-    fn new(gains: &ComplementaryGains, _: f32, per_g: f32) -> Result<Self, ConfigError> {
+    fn new(gains: &ComplementaryGains, period_s: f32, per_g: f32) -> Made<Self> {
         in_range(gains.acc_tau_s, 0.0, 1e4, "acc_tau_s")?;
         in_range(gains.mag_tau_s, 0.0, 1e4, "mag_tau_s")?;
-        Ok(Self {
-            least: least(per_g),
-        })
-    }
-
-    fn rates(gains: &ComplementaryGains, period_s: f32) -> (f32, f32) {
         let rate = |tau_s: f32| 1.0 / (tau_s + period_s);
-        (rate(gains.acc_tau_s), rate(gains.mag_tau_s))
-    }
-
-    fn counts(_: &ComplementaryGains, _: f32) -> f32 {
-        UNIT
+        let per_s = (rate(gains.acc_tau_s), rate(gains.mag_tau_s));
+        let (least, counts) = (least(per_g), UNIT);
+        Ok((Self { least }, Pace { per_s, counts }))
     }
 
     #[inline(always)]
@@ -314,27 +299,21 @@ const SETTLED_PER_S: f32 = 0.1;
 impl Filter for Madgwick {
     type Gains = MadgwickGains;
 
-    fn new(gains: &MadgwickGains, period_s: f32, per_g: f32) -> Result<Self, ConfigError> {
+    fn new(gains: &MadgwickGains, period_s: f32, per_g: f32) -> Made<Self> {
         let step = gains.beta_per_s * period_s;
         in_range(step, 1e-6, MAX_STEP, "beta_per_s")?;
         let (factor, shift) = normalised(step * 65_536.0, 32_768.0);
         // Twice the half angle.
         let reached = step * 65_536.0;
-        Ok(Self {
+        let filter = Self {
             factor,
-            shift: shift.into(),
+            shift,
             step: (step * 2_147_483_648.0) as i32,
             reached: (reached * reached) as u32,
             least: least(per_g),
-        })
-    }
-
-    fn rates(_: &MadgwickGains, _: f32) -> (f32, f32) {
-        (SETTLED_PER_S, SETTLED_PER_S)
-    }
-
-    fn counts(_: &MadgwickGains, _: f32) -> f32 {
-        UNIT
+        };
+        let (per_s, counts) = ((SETTLED_PER_S, SETTLED_PER_S), UNIT);
+        Ok((filter, Pace { per_s, counts }))
     }
 
     #[inline(always)]
@@ -385,18 +364,14 @@ impl Filter for Vqf {
     type Gains = VqfGains;
 
     #[inline(always)]
-    fn new(gains: &VqfGains, period_s: f32, _: f32) -> Result<Self, ConfigError> {
+    fn new(gains: &VqfGains, period_s: f32, counts: f32) -> Made<Self> {
         positive(gains.acc_tau_s, "acc_tau_s")?;
         let least_s = 8.0 * period_s;
         in_range(gains.acc_smoothing_s, least_s, 100.0, "acc_smoothing_s")?;
         positive(gains.mag_tau_s, "mag_tau_s")?;
-        Ok(Self {
-            share: (65_536.0 * period_s / gains.acc_smoothing_s + 0.5) as i32,
-        })
-    }
-
-    fn rates(gains: &VqfGains, _: f32) -> (f32, f32) {
-        (1.0 / gains.acc_tau_s, 1.0 / gains.mag_tau_s)
+        let share = (65_536.0 * period_s / gains.acc_smoothing_s + 0.5) as i32;
+        let per_s = (1.0 / gains.acc_tau_s, 1.0 / gains.mag_tau_s);
+        Ok((Self { share }, Pace { per_s, counts }))
     }
 
     #[inline(always)]

@@ -44,7 +44,7 @@ pub(super) fn nearest_log2(value: f32) -> u8 {
 /// A positive coefficient below `limit` as an integer from `limit / 2` up to `limit`, and the right
 /// shift that its products then need.
 #[inline(never)]
-pub(super) fn normalised(value: f32, limit: f32) -> (i32, u8) {
+pub(super) fn normalised(value: f32, limit: f32) -> (i32, u32) {
     let (mut value, mut shift) = (value, 0);
     while value < limit / 2.0 {
         value *= 2.0;

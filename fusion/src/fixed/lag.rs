@@ -47,10 +47,7 @@ impl Lag {
     #[inline(always)]
     pub(super) fn unit(gyr_rad_s: f32) -> Self {
         let (factor, shift) = normalised(gyr_rad_s * UNIT_S * 32_768.0, 16_384.0);
-        Self {
-            factor,
-            shift: shift.into(),
-        }
+        Self { factor, shift }
     }
 
     /// Of this as the unit, a lag, s.

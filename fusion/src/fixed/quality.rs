@@ -85,7 +85,7 @@ impl Angle {
     /// A block with this walk and this drift. The gain is the filter's own times `2^gain_log2`;
     /// `None` where nothing shows the angle.
     #[inline(never)]
-    fn pass(&mut self, walk: Q28, drift: Q28, pull: &Pull, gain_log2: Option<u32>) {
+    fn pass(&mut self, walk: Q28, drift: Q28, pull: &Pull, gain_log2: Option<i32>) {
         let mut grown = walk;
         if let Some(log2) = gain_log2 {
             let log2 = log2.min(8);
@@ -237,7 +237,7 @@ impl Uncertainty {
             tilt: Pull::new(TILT_PER_S, block_s),
             heading: Pull::new(HEADING_PER_S, block_s),
             per_count,
-            shift: shift.into(),
+            shift,
             still: q28(STILL * block_s),
             scale: q28(SCALE_S * block_s),
             bias_walk: q40(BIAS_WALK * block_s),
@@ -282,13 +282,13 @@ impl Uncertainty {
     }
 
     /// [`job::TILT`]: by how much the gain of the tilt is raised, as a power of two.
-    pub(super) fn pass_tilt(&self, state: &mut UncertaintyState, gain_log2: u32) {
+    pub(super) fn pass_tilt(&self, state: &mut UncertaintyState, gain_log2: i32) {
         let (walk, drift) = (state.walk, state.drift);
         state.tilt.pass(walk, drift, &self.tilt, Some(gain_log2));
     }
 
     /// [`job::HEADING`]: likewise of the heading.
-    pub(super) fn pass_heading(&self, state: &mut UncertaintyState, gain_log2: u32) {
+    pub(super) fn pass_heading(&self, state: &mut UncertaintyState, gain_log2: i32) {
         let (walk, drift) = (state.walk, state.drift);
         let gain_log2 = self.is_field_fresh(state).then_some(gain_log2);
         state.heading.pass(walk, drift, &self.heading, gain_log2);

@@ -46,7 +46,7 @@ use crate::error::{ConfigError, in_range};
 const MAX_FACTOR: u16 = 2_300;
 
 /// Least right shift of a tilt correction: it stays below a quarter of a radian.
-const MIN_TILT_SHIFT: u8 = 2;
+const MIN_TILT_SHIFT: u32 = 2;
 
 /// The first gain is from half of this negative power of two up to it: from 1/8 up to 1/4.
 const FIRST_GAIN_LOG2: u8 = 2;
@@ -82,24 +82,40 @@ impl Gains {
     }
 }
 
+/// The gains of a channel.
+#[derive(Clone, Debug, PartialEq)]
+#[repr(C)]
+pub(super) struct Channel {
+    /// What to subtract from `gain_log2`.
+    subtract: i32,
+    /// The filter's own gain.
+    own: Gain,
+}
+
+impl Channel {
+    fn new((factor, shift): (i32, u32), subtract: i32) -> Self {
+        let own = Gain { factor, shift };
+        Self { subtract, own }
+    }
+
+    /// Base-2 logarithm of the gain increase.
+    pub(super) fn raised(&self, gain_log2: i32) -> i32 {
+        positive(gain_log2 - self.subtract)
+    }
+}
+
 /// The schedule of the gains: the filter's own, and those of the start.
 #[derive(Clone, Debug, PartialEq)]
 #[repr(C)]
 pub(super) struct Schedule {
     /// Blocks that have the first gain.
     first_blocks: u32,
-    /// What to subtract from `gain_log2` for the tilt.
-    tilt_subtract: i32,
-    /// What to subtract from `gain_log2` for the heading.
-    heading_subtract: i32,
-    /// The filter's own tilt gain.
-    tilt: Gain,
+    pub(super) tilt: Channel,
     /// By how much the tilt's shift may be lessened.
     tilt_shift_room: i32,
     /// By how much the tilt's gain may be doubled before accelerations are limited.
     limit_room: i32,
-    /// The filter's own heading gain.
-    heading: Gain,
+    pub(super) heading: Channel,
     /// What [`Gains::acc_limit`] is while there is a limit.
     acc_limit: i32,
     /// `gain_log2` at the start.
@@ -121,7 +137,7 @@ pub(super) struct ScheduleState {
     /// Blocks from that drop to the one after it.
     drop_interval: u32,
     /// Base-2 logarithm of the gain increase of the slower channel.
-    gain_log2: i32,
+    pub(super) gain_log2: i32,
     /// By how much `gain_log2` drops next.
     next_drop: i32,
 }
@@ -141,34 +157,26 @@ impl Schedule {
         let tilt_gain = tilt * 67_108_864.0 / counts;
         let max_gain = f32::from(MAX_FACTOR) / f32::from(1u8 << MIN_TILT_SHIFT);
         in_range(tilt_gain, 0.01, max_gain, "tilt gain")?;
-        let (factor, shift) = normalised(tilt_gain, f32::from(MAX_FACTOR));
+        let tilt_own = normalised(tilt_gain, f32::from(MAX_FACTOR));
         in_range(heading, 1e-5, 0.1, "heading gain")?;
-        let (heading_factor, heading_shift) = normalised(heading * 32_768.0, 8_192.0);
+        let heading_own = normalised(heading * 32_768.0, 8_192.0);
         let (tilt_log2, heading_log2) = (doublings(tilt), doublings(heading));
         let gain_log2 = tilt_log2.max(heading_log2);
         let first_samples_log2 = FIRST_SAMPLES_LOG2.max(log2_block);
         let first_blocks = 1 << (first_samples_log2 - log2_block);
-        let tilt_shift_room = shift.saturating_sub(MIN_TILT_SHIFT).into();
+        let tilt_shift_room = tilt_own.1.saturating_sub(MIN_TILT_SHIFT) as i32;
         Ok(Self {
             first_blocks,
-            tilt_subtract: (gain_log2 - tilt_log2).into(),
-            heading_subtract: (gain_log2 - heading_log2).into(),
-            tilt: Gain {
-                factor,
-                shift: shift.into(),
-            },
+            tilt: Channel::new(tilt_own, gain_log2 - tilt_log2),
             tilt_shift_room,
             limit_room: if counts == per_g {
                 tilt_shift_room
             } else {
                 NORMALISED_ROOM.min(tilt_shift_room)
             },
-            heading: Gain {
-                factor: heading_factor,
-                shift: heading_shift.into(),
-            },
+            heading: Channel::new(heading_own, gain_log2 - heading_log2),
             acc_limit: (ACC_LIMIT_G * per_g) as i32,
-            first_gain_log2: gain_log2.into(),
+            first_gain_log2: gain_log2,
             first_drop: (first_samples_log2 - FIRST_GAIN_LOG2).into(),
             start_up_blocks: ((start_up_blocks + 0.5) as u32).max(first_blocks),
         })
@@ -186,9 +194,9 @@ impl Schedule {
         let gains = Gains {
             tilt: Gain {
                 factor: 0,
-                shift: MIN_TILT_SHIFT.into(),
+                shift: MIN_TILT_SHIFT,
             },
-            heading: self.heading,
+            heading: self.heading.own,
             acc_limit: self.acc_limit,
             settled: 0,
         };
@@ -201,16 +209,6 @@ impl Schedule {
         state.next_drop = self.first_drop;
         state.drop_interval = self.first_blocks;
         state.drop_after(self.first_blocks);
-    }
-
-    /// Base-2 logarithm of the gain increase of the tilt.
-    pub(super) fn tilt_raised(&self, state: &ScheduleState) -> u32 {
-        positive(state.gain_log2 - self.tilt_subtract).unsigned_abs()
-    }
-
-    /// The same of the heading.
-    pub(super) fn heading_raised(&self, state: &ScheduleState) -> u32 {
-        positive(state.gain_log2 - self.heading_subtract).unsigned_abs()
     }
 
     /// Whether the start-up is over.
@@ -235,23 +233,23 @@ impl Schedule {
             state.drop_interval <<= 1;
         }
         gains.settled = (state.gain_log2 == 0).into();
-        let tilt_log2 = positive(state.gain_log2 - self.tilt_subtract);
+        let tilt_log2 = self.tilt.raised(state.gain_log2);
         // What the shift has no room for goes into the factor.
         let excess = positive(tilt_log2 - self.tilt_shift_room);
         // The limit beyond its room, 0 within it: all bits of the mask or none.
         gains.acc_limit = self.acc_limit & ((self.limit_room - tilt_log2) >> 31);
-        gains.tilt.factor = self.tilt.factor << (excess & 31);
-        gains.tilt.shift = self.tilt.shift - (tilt_log2 - excess) as u32;
-        let heading_log2 = positive(state.gain_log2 - self.heading_subtract);
-        gains.heading.shift = self.heading.shift - heading_log2 as u32;
+        gains.tilt.factor = self.tilt.own.factor << (excess & 31);
+        gains.tilt.shift = self.tilt.own.shift - (tilt_log2 - excess) as u32;
+        let heading_log2 = self.heading.raised(state.gain_log2);
+        gains.heading.shift = self.heading.own.shift - heading_log2 as u32;
     }
 
     /// Whether the numbers are ones that an update can have left.
     pub(super) fn is_sound(&self, state: &ScheduleState, gains: &Gains) -> bool {
-        let most = positive(self.first_gain_log2 - self.tilt_subtract);
-        let largest = self.tilt.factor << (positive(most - self.tilt_shift_room) & 31);
-        let heading_log2 = positive(self.first_gain_log2 - self.heading_subtract);
-        let least_shift = self.heading.shift - heading_log2 as u32;
+        let most = self.tilt.raised(self.first_gain_log2);
+        let largest = self.tilt.own.factor << (positive(most - self.tilt_shift_room) & 31);
+        let heading_log2 = self.heading.raised(self.first_gain_log2);
+        let least_shift = self.heading.own.shift - heading_log2 as u32;
         let is_limited = gains.acc_limit == self.acc_limit;
         let fits = gains.tilt.factor <= MAX_FACTOR.into()
             || (is_limited && !gains.is_settled() && gains.tilt.factor <= largest);
@@ -259,9 +257,9 @@ impl Schedule {
             && (1..=self.first_drop).contains(&state.next_drop)
             && gains.tilt.factor >= 0
             && fits
-            && (MIN_TILT_SHIFT.into()..=31).contains(&gains.tilt.shift)
-            && (least_shift..=self.heading.shift).contains(&gains.heading.shift)
-            && gains.heading.factor == self.heading.factor
+            && (MIN_TILT_SHIFT..=31).contains(&gains.tilt.shift)
+            && (least_shift..=self.heading.own.shift).contains(&gains.heading.shift)
+            && gains.heading.factor == self.heading.own.factor
             && (is_limited || gains.acc_limit == 0)
             && gains.settled <= 1
     }
@@ -279,7 +277,7 @@ impl ScheduleState {
 }
 
 /// How often a gain is doubled until it is a first gain.
-fn doublings(gain: f32) -> u8 {
+fn doublings(gain: f32) -> i32 {
     let mut log2 = 0;
     let mut gain = gain;
     while gain < 1.0 / f32::from(1u8 << (FIRST_GAIN_LOG2 + 1)) {
@@ -313,7 +311,7 @@ mod tests {
         let (mut state, mut gains) = schedule.start();
         let mut tilt_gain = || {
             schedule.next_block(&mut state, &mut gains);
-            let own = schedule.tilt.factor as f32 / (1 << schedule.tilt.shift) as f32;
+            let own = schedule.tilt.own.factor as f32 / (1 << schedule.tilt.own.shift) as f32;
             let gain = gains.tilt.factor as f32 / (1 << gains.tilt.shift) as f32;
             (gain / own / 512.0, gains.settled)
         };
