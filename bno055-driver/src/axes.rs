@@ -22,18 +22,16 @@ pub struct Signed {
 }
 
 impl Signed {
-    const fn new(axis: Axis, negative: bool) -> Self {
-        Self { axis, negative }
-    }
-
     /// Along the chip's axis.
     pub const fn plus(axis: Axis) -> Self {
-        Self::new(axis, false)
+        let negative = false;
+        Self { axis, negative }
     }
 
     /// Against the chip's axis.
     pub const fn minus(axis: Axis) -> Self {
-        Self::new(axis, true)
+        let negative = true;
+        Self { axis, negative }
     }
 }
 

@@ -95,19 +95,18 @@ impl Driver {
         time: Micros,
         outcome: Result<&[u8], BusError>,
     ) -> Result<FusionSample, SensorFault> {
-        if !self.is_sampling() {
+        let Phase::Sampling(sampling) = &mut self.phase else {
             return Err(self.cause());
+        };
+        let bytes = match received(outcome, 0) {
+            Ok(bytes) => bytes,
+            Err(fault) => return self.no_data(time, fault),
+        };
+        let judged = FusionSample::judge(time, bytes);
+        if judged.is_ok() {
+            sampling.weigh(Evidence::Sound);
         }
-        match received(outcome, 0) {
-            Ok(bytes) => {
-                let judged = FusionSample::judge(time, bytes);
-                if let (Ok(_), Phase::Sampling(sampling)) = (&judged, &mut self.phase) {
-                    sampling.weigh(Evidence::Sound);
-                }
-                self.conclude(time, judged)
-            }
-            Err(fault) => self.no_data(time, fault),
-        }
+        self.conclude(time, judged)
     }
 
     /// Sets the chip up anew with other settings.

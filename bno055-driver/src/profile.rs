@@ -138,13 +138,8 @@ impl Profile {
     /// The stored form: a mark, a version, the register block, and a CRC-32 of all of it.
     pub fn to_bytes(&self) -> [u8; Self::STORED_LEN] {
         let mut bytes = [0; Self::STORED_LEN];
-        let head = Self::MAGIC
-            .into_iter()
-            .chain([Self::VERSION])
-            .chain(self.registers());
-        for (to, from) in bytes.iter_mut().zip(head) {
-            *to = from;
-        }
+        let [m0, m1, m2, version, block @ .., _, _, _, _] = &mut bytes;
+        ([*m0, *m1, *m2], *version, *block) = (Self::MAGIC, Self::VERSION, self.registers());
         if let Some((content, crc)) = bytes.split_last_chunk_mut::<4>() {
             *crc = crc32(content).to_le_bytes();
         }
@@ -159,24 +154,16 @@ impl Profile {
         let stored = bytes
             .first_chunk::<{ Self::STORED_LEN }>()
             .ok_or(ProfileError::Format)?;
-        let (content, crc) = stored.split_last_chunk::<4>().ok_or(ProfileError::Format)?;
-        let (head, block) = content
-            .split_first_chunk::<4>()
-            .ok_or(ProfileError::Format)?;
-        let [magic @ .., version] = head;
-        if *magic != Self::MAGIC {
-            return Err(ProfileError::Format);
+        let &[m0, m1, m2, version, ref block @ .., c0, c1, c2, c3] = stored;
+        let content = stored.first_chunk::<{ Self::STORED_LEN - 4 }>();
+        match content.map(|content| crc32(content)) {
+            _ if [m0, m1, m2] != Self::MAGIC => Err(ProfileError::Format),
+            _ if version != Self::VERSION => Err(ProfileError::Version(version)),
+            Some(crc) if crc == u32::from_le_bytes([c0, c1, c2, c3]) => {
+                Ok(Self::from_registers(block))
+            }
+            _ => Err(ProfileError::Checksum),
         }
-        if *version != Self::VERSION {
-            return Err(ProfileError::Version(*version));
-        }
-        if crc32(content) != u32::from_le_bytes(*crc) {
-            return Err(ProfileError::Checksum);
-        }
-        let block = block
-            .first_chunk::<{ Self::REGISTERS_LEN }>()
-            .ok_or(ProfileError::Format)?;
-        Ok(Self::from_registers(block))
     }
 }
 

@@ -56,10 +56,8 @@ register_enums! {
 impl SystemStatus {
     /// Whether the chip is on its way to being ready.
     pub const fn is_starting(self) -> bool {
-        matches!(
-            self,
-            Self::InitPeripherals | Self::InitSystem | Self::SelfTest
-        )
+        // Peripherals, system, self-test.
+        matches!(self.code(), 2..=4)
     }
 }
 

@@ -7,9 +7,10 @@ use crate::status::SystemStatus;
 use tvc_imu::{SensorFault, Transfer};
 
 /// The registers that must go on holding what was written; each check's value is its register.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Check {
+    #[default]
     Mode = reg::OPR_MODE,
     Page = reg::PAGE_ID,
     Units = reg::UNIT_SEL,

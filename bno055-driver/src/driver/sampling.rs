@@ -20,7 +20,7 @@ const SUSPECT_WEIGHT: u8 = 3;
 const UNRELIABLE_MAX: u8 = 10;
 
 /// What the driver keeps while the chip samples.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Sampling {
     pub(super) check: Check,
     /// A burst has been judged since the last verification, which may follow now.
@@ -47,14 +47,8 @@ pub(super) enum Errand {
 impl Sampling {
     pub(super) fn new(inspector: Inspector) -> Self {
         Self {
-            check: Check::Mode,
-            due: false,
-            outstanding: None,
-            mismatched: false,
-            silent_since: None,
-            bad_samples: 0,
-            unreliable: 0,
             inspector,
+            ..Self::default()
         }
     }
 

@@ -122,11 +122,12 @@ impl Inspector {
         if let Some(fault) = self.broken_rule(config, time, good.as_ref(), &now) {
             return Err(fault);
         }
+        let Words([acc, mag, gyr]) = now;
         let mut sample = RawSample {
             time,
-            acc: now.acc(),
-            mag: now.mag(),
-            gyr: now.gyr(),
+            acc,
+            mag,
+            gyr,
         };
         let is_confirmed = held.is_some_and(|held| !moved(&held, &sample.gyr, RATE_JUMP));
         let mut is_suspect = held.is_some() && !is_confirmed;

@@ -128,6 +128,15 @@ pub(super) fn confirm(
     }
 }
 
+/// The clock source may be changed within a time, us; then the step follows.
+pub(super) fn await_clock(bytes: &[u8], next: SetupStep, timeout_us: u64) -> Verdict {
+    match bytes {
+        // Bit 0 set: the clock is being configured and must be left alone.
+        [status] if status & 1 == 0 => Verdict::Go(next, 0),
+        _ => Verdict::Again(10_000, timeout_us, SensorFault::Clock),
+    }
+}
+
 pub(super) fn await_running(bytes: &[u8], config: &Config) -> Verdict {
     let &[status, error] = bytes else {
         return Verdict::Fail(SensorFault::Protocol);

@@ -8,7 +8,9 @@ use crate::request::{Answer, Request};
 use crate::sample::{self, Inspector};
 use crate::settings::Setting;
 use crate::status::Identity;
-use judges::{answer, await_mode, await_running, await_self_test, confirm, diagnose, identify};
+use judges::{
+    answer, await_clock, await_mode, await_running, await_self_test, confirm, diagnose, identify,
+};
 use tvc_imu::{BusError, Micros, SensorFault, Transfer};
 
 /// How long a chip may take to answer and identify itself before that is reported as a fault: 850
@@ -37,10 +39,11 @@ const CLOCK_SWITCH_US: u64 = 10_000;
 /// PWR_MODE: everything off but the registers (data sheet section 3.2.3).
 const SUSPEND: u8 = 2;
 
-/// A step of the set-up; [`Startup::row`] has the transfer of each and what follows it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A step of the set-up; [`Startup::transfer`] has what each asks of the bus, [`Startup::judge`] what follows it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum SetupStep {
     /// Selects page 0, and so learns whether the chip answers.
+    #[default]
     Call,
     Identify,
     /// Only under [`ResetPolicy::AfterFailures`].
@@ -66,27 +69,10 @@ enum SetupStep {
 }
 
 /// What the set-up is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Goal {
+    #[default]
     Sampling,
-    Suspended,
-}
-
-/// How the answer to a step's transfer is judged.
-enum Judge {
-    /// There is nothing to judge: the step follows after so many microseconds.
-    Then(SetupStep, u64),
-    Identity,
-    /// This operating mode has been reached; then the step follows.
-    Mode(u8, SetupStep),
-    Answer(Request),
-    SelfTest(Request),
-    Diagnosis,
-    Written(Setting),
-    /// The clock source may be changed, within so many microseconds; the step follows.
-    ClockIdle(SetupStep, u64),
-    Running,
-    LiveData,
     Suspended,
 }
 
@@ -114,7 +100,7 @@ pub(crate) enum Progress {
 }
 
 /// A set-up under way.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Startup {
     goal: Goal,
     /// To be asked on the way. Without it an answer that is still to come is discarded.
@@ -140,15 +126,7 @@ impl Startup {
         Self {
             goal,
             request,
-            step: SetupStep::Call,
-            step_since: Micros::default(),
-            not_before: Micros::default(),
-            began: None,
-            failures: 0,
-            outstanding: false,
-            live: 0,
-            inspector: Inspector::default(),
-            identity: Identity::default(),
+            ..Self::default()
         }
     }
 
@@ -169,69 +147,77 @@ impl Startup {
             return Err(self.not_before);
         }
         self.outstanding = true;
-        let (transfer, _) = self.row(config);
-        Ok(transfer)
+        Ok(self.transfer(config))
     }
 
-    /// The table of the set-up: what each step asks of the bus, and how the answer is judged.
-    fn row(&self, config: &Config) -> (Transfer, Judge) {
+    /// What each step asks of the bus.
+    fn transfer(&self, config: &Config) -> Transfer {
         use SetupStep as Step;
         let read = Transfer::read;
         let write = |register, value| Transfer::write(register, [value]);
         match self.step {
-            Step::Call => (write(reg::PAGE_ID, 0), Judge::Then(Step::Identify, 0)),
-            Step::Identify => (read(reg::CHIP_ID, 8), Judge::Identity),
-            Step::Reset => (
-                write(reg::SYS_TRIGGER, reg::RST_SYS),
-                Judge::Then(Step::Call, RESET_US),
-            ),
-            Step::EnterConfig => (
-                write(reg::OPR_MODE, 0),
-                Judge::Then(Step::AwaitConfig, TO_CONFIG_US),
-            ),
-            Step::AwaitConfig => {
-                let next = self.request.map_or(self.purpose(), Step::Ask);
-                (read(reg::OPR_MODE, 1), Judge::Mode(0, next))
-            }
+            Step::Call => write(reg::PAGE_ID, 0),
+            Step::Identify => read(reg::CHIP_ID, 8),
+            Step::Reset => write(reg::SYS_TRIGGER, reg::RST_SYS),
+            Step::EnterConfig => write(reg::OPR_MODE, 0),
+            Step::AwaitConfig | Step::AwaitMode => read(reg::OPR_MODE, 1),
             Step::Ask(request) if request.is_self_test() => {
                 // The clock stays as it is.
                 let clock = reg::CLK_SEL * u8::from(config.external_crystal);
-                (
-                    write(reg::SYS_TRIGGER, reg::SELF_TEST | clock),
-                    Judge::Then(Step::AwaitSelfTest(request), SELF_TEST_US),
-                )
+                write(reg::SYS_TRIGGER, reg::SELF_TEST | clock)
             }
-            Step::Ask(request) => (request.read(), Judge::Answer(request)),
-            Step::AwaitSelfTest(request) => (request.read(), Judge::SelfTest(request)),
-            Step::Diagnose => (read(reg::ST_RESULT, 5), Judge::Diagnosis),
-            Step::Write(setting) => (
-                setting.write(config),
-                Judge::Then(Step::Confirm(setting), WRITE_US),
-            ),
-            Step::Confirm(setting) => (setting.read(config), Judge::Written(setting)),
-            Step::AwaitClock => (
-                read(reg::SYS_CLK_STATUS, 1),
-                Judge::ClockIdle(Step::SelectClock, 500_000),
-            ),
-            Step::SelectClock => (
-                write(reg::SYS_TRIGGER, reg::CLK_SEL),
-                Judge::Then(Step::ConfirmClock, CLOCK_SWITCH_US),
-            ),
-            Step::ConfirmClock => (
-                read(reg::SYS_CLK_STATUS, 1),
-                Judge::ClockIdle(Step::EnterMode, 1_200_000),
-            ),
-            Step::EnterMode => (
-                write(reg::OPR_MODE, config.mode as u8),
-                Judge::Then(Step::AwaitMode, FROM_CONFIG_US),
-            ),
-            Step::AwaitMode => (
-                read(reg::OPR_MODE, 1),
-                Judge::Mode(config.mode as u8, Step::AwaitRunning),
-            ),
-            Step::AwaitRunning => (read(reg::SYS_STATUS, 2), Judge::Running),
-            Step::AwaitData => (sample::burst(config.mode), Judge::LiveData),
-            Step::Suspend => (write(reg::PWR_MODE, SUSPEND), Judge::Suspended),
+            Step::Ask(request) | Step::AwaitSelfTest(request) => request.read(),
+            Step::Diagnose => read(reg::ST_RESULT, 5),
+            Step::Write(setting) => setting.write(config),
+            Step::Confirm(setting) => setting.read(config),
+            Step::AwaitClock | Step::ConfirmClock => read(reg::SYS_CLK_STATUS, 1),
+            Step::SelectClock => write(reg::SYS_TRIGGER, reg::CLK_SEL),
+            Step::EnterMode => write(reg::OPR_MODE, config.mode as u8),
+            Step::AwaitRunning => read(reg::SYS_STATUS, 2),
+            Step::AwaitData => sample::burst(config.mode),
+            Step::Suspend => write(reg::PWR_MODE, SUSPEND),
+        }
+    }
+
+    /// Where each step leads, with the answer of the chip.
+    fn judge(&mut self, now: Micros, bytes: &[u8], config: &Config) -> Verdict {
+        use SetupStep as Step;
+        match self.step {
+            Step::Call => Verdict::Go(Step::Identify, 0),
+            Step::Identify => identify(bytes, config, &mut self.identity),
+            Step::Reset => Verdict::Go(Step::Call, RESET_US),
+            Step::EnterConfig => Verdict::Go(Step::AwaitConfig, TO_CONFIG_US),
+            Step::AwaitConfig => {
+                await_mode(bytes, 0, self.request.map_or(self.purpose(), Step::Ask))
+            }
+            Step::Ask(request) if request.is_self_test() => {
+                Verdict::Go(Step::AwaitSelfTest(request), SELF_TEST_US)
+            }
+            Step::Ask(request) => answer(request, bytes, self.purpose()),
+            Step::AwaitSelfTest(request) => await_self_test(request, bytes, self.purpose()),
+            Step::Diagnose => diagnose(bytes, config),
+            Step::Write(setting) => Verdict::Go(Step::Confirm(setting), WRITE_US),
+            Step::Confirm(setting) => confirm(setting, bytes, config, &mut self.identity),
+            Step::AwaitClock => await_clock(bytes, Step::SelectClock, 500_000),
+            Step::SelectClock => Verdict::Go(Step::ConfirmClock, CLOCK_SWITCH_US),
+            Step::ConfirmClock => await_clock(bytes, Step::EnterMode, 1_200_000),
+            Step::EnterMode => Verdict::Go(Step::AwaitMode, FROM_CONFIG_US),
+            Step::AwaitMode => await_mode(bytes, config.mode as u8, Step::AwaitRunning),
+            Step::AwaitRunning => {
+                self.inspector = self.inspector.anew();
+                self.live = 0;
+                await_running(bytes, config)
+            }
+            Step::AwaitData => match self.inspector.judge(config, now, bytes) {
+                // The second fresh burst shows that the data move.
+                Ok(judged) if judged.fresh && self.live >= 1 => Verdict::Reached,
+                Ok(judged) => {
+                    self.live += u8::from(judged.fresh);
+                    Verdict::Again(10_000, 1_000_000, SensorFault::Frozen)
+                }
+                Err(fault) => Verdict::Again(10_000, 1_000_000, fault),
+            },
+            Step::Suspend => Verdict::Reached,
         }
     }
 
@@ -245,13 +231,12 @@ impl Startup {
         if !core::mem::take(&mut self.outstanding) {
             return Progress::Going;
         }
-        let (transfer, judge) = self.row(config);
         let verdict = match outcome {
             Err(error) => Verdict::Fail(error.into()),
-            Ok(bytes) if bytes.len() != transfer.answer_len() => {
+            Ok(bytes) if bytes.len() != self.transfer(config).answer_len() => {
                 Verdict::Fail(SensorFault::Protocol)
             }
-            Ok(bytes) => self.judge(judge, now, bytes, config),
+            Ok(bytes) => self.judge(now, bytes, config),
         };
         match verdict {
             Verdict::Reached => return Progress::Reached(self.goal),
@@ -314,46 +299,6 @@ impl Startup {
         match self.goal {
             Goal::Sampling => SetupStep::Diagnose,
             Goal::Suspended => SetupStep::Suspend,
-        }
-    }
-
-    fn judge(&mut self, judge: Judge, now: Micros, bytes: &[u8], config: &Config) -> Verdict {
-        match judge {
-            Judge::Then(next, pause_us) => Verdict::Go(next, pause_us),
-            Judge::Suspended => Verdict::Reached,
-            Judge::Identity => identify(bytes, config, &mut self.identity),
-            Judge::Mode(mode, next) => await_mode(bytes, mode, next),
-            Judge::Answer(request) => answer(request, bytes, self.purpose()),
-            Judge::SelfTest(request) => await_self_test(request, bytes, self.purpose()),
-            Judge::Diagnosis => diagnose(bytes, config),
-            Judge::Written(setting) => confirm(setting, bytes, config, &mut self.identity),
-            Judge::ClockIdle(next, timeout_us) => match bytes {
-                // Bit 0 set: the clock is being configured and must be left alone.
-                [status] if status & 1 == 0 => Verdict::Go(next, 0),
-                _ => Verdict::Again(10_000, timeout_us, SensorFault::Clock),
-            },
-            Judge::Running => {
-                let verdict = await_running(bytes, config);
-                if let Verdict::Go(..) = verdict {
-                    self.inspector = self.inspector.anew();
-                    self.live = 0;
-                }
-                verdict
-            }
-            Judge::LiveData => {
-                let fault = match self.inspector.judge(config, now, bytes) {
-                    Ok(judged) => {
-                        self.live += u8::from(judged.fresh);
-                        // The second fresh burst shows that the data move.
-                        if self.live >= 2 {
-                            return Verdict::Reached;
-                        }
-                        SensorFault::Frozen
-                    }
-                    Err(fault) => fault,
-                };
-                Verdict::Again(10_000, 1_000_000, fault)
-            }
         }
     }
 }
