@@ -78,10 +78,10 @@ impl Value {
             (Number(0), value) | (value, Number(0)) => value,
             (Stack(at), Number(n)) | (Number(n), Stack(at)) => Stack(at.wrapping_add_unsigned(n)),
             (Near(at), Number(n)) | (Number(n), Near(at)) => Near(at.wrapping_add(n)),
-            (AtEntry(_) | Loaded(_), Number(n)) if !program.contains(n) => Within(n),
+            (Number(at), _) | (_, Number(at)) if program.contains(at) => Near(at),
+            (AtEntry(_) | Loaded(_), Number(n)) => Within(n),
             (Within(at), Number(n)) => Within(at.wrapping_add(n)),
             (Indexed, Number(_)) | (Number(_), Indexed) => Indexed,
-            (Number(at), _) | (_, Number(at)) if program.contains(at) => Near(at),
             (Number(_), _) | (_, Number(_)) => Unknown,
             _ => Indexed,
         }
