@@ -1,10 +1,7 @@
 //! `tvc forward`: a bridge by UDP, MAVLink to a ground station such as QGroundControl and JSON to
 //! PlotJuggler.
 
-mod ftp;
 pub mod gate;
-mod metadata;
-mod relay;
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
@@ -24,7 +21,6 @@ use crate::vehicle::monitor::servo_maps;
 use crate::vehicle::port::PortOptions;
 use crate::vehicle::signing::Signing;
 use gate::Gate;
-pub use relay::Relay;
 use report::exit::Verdict;
 use report::kind;
 
@@ -39,7 +35,7 @@ Examples:
   tvc forward --log flight.tlog      and keep every frame, both ways
 
 What comes back from a ground station on this computer goes to the vehicle; what comes from another one, only if it changes
-nothing, unless --accept-commands-from names it. QGroundControl gets units, ranges and meanings of the parameters from this tool.
+nothing, unless --accept-commands-from names it.
 Exit status: 0 ended, 1 the vehicle went away or something failed, 2 unusable input.")]
 pub struct Forward {
     /// Where the vehicle is.
@@ -105,14 +101,13 @@ pub fn run(options: &Forward) -> Result<Verdict> {
         options.to,
         options.plot
     );
-    let mut relay = Relay::new();
     let begun = Instant::now();
     let longest = options.seconds.map(Duration::from_secs_f64);
     let mut datagram = [0; DATAGRAM];
     while !signals::asked(stop, begun, longest) {
         for frame in vehicle.receive()? {
             // An error here means that nobody listens yet; somebody may later.
-            let _ = station.send_to(&gate.outgoing(relay.pass(&frame)), options.to);
+            let _ = station.send_to(&gate.outgoing(frame.bytes.clone()), options.to);
             tracker.take(&frame.message);
             if matches!(frame.message, MavMessage::SERVO_OUTPUT_RAW(_)) {
                 let status = tracker.next(vehicle.link().client());
@@ -121,11 +116,7 @@ pub fn run(options: &Forward) -> Result<Verdict> {
         }
         while let Ok((count, from)) = station.recv_from(&mut datagram) {
             let admitted = gate.incoming(&datagram[..count], from.ip());
-            let relayed = relay.take(&admitted);
-            for answer in relayed.to_station {
-                let _ = station.send_to(&gate.outgoing(answer), from);
-            }
-            vehicle.link().send_bytes(&relayed.to_vehicle)?;
+            vehicle.link().send_bytes(&admitted)?;
         }
     }
     gate.end();

@@ -272,7 +272,6 @@ pub const READERS: &[Reader] = &[
         sources: &[
             "ground/src/vehicle/forward.rs",
             "ground/src/vehicle/forward/gate.rs",
-            "ground/src/vehicle/forward/relay.rs",
         ],
     },
     Reader {

@@ -112,7 +112,7 @@ fn is_question(message: &MavMessage) -> bool {
         | MavMessage::LOG_REQUEST_DATA(_)
         | MavMessage::LOG_REQUEST_END(_)
         | MavMessage::MISSION_REQUEST_LIST(_)
-        // Files are read alone, and here, not on the vehicle.
+        // The vehicle refuses every file, which a station waits for.
         | MavMessage::FILE_TRANSFER_PROTOCOL(_) => true,
         MavMessage::COMMAND_LONG(m) => asks(m.command),
         MavMessage::COMMAND_INT(m) => asks(m.command),
