@@ -1,13 +1,9 @@
 //! The tool as scripts and people meet it: exit status, one line for what was wrong, data apart
 //! from messages.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::running::{self, assert_refused, tvc};
-
-fn recording() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/broad_11_cut.imuq")
-}
 
 /// A command that went to the laboratory says so for one release.
 #[test]
@@ -24,50 +20,12 @@ fn a_command_that_went_elsewhere_says_where() {
     }
 }
 
-#[test]
-fn a_truncated_or_foreign_recording_is_refused_and_writes_no_report() {
-    let folder = tempfile::tempdir().unwrap();
-    let report = folder.path().join("report.html");
-    let whole = std::fs::read(recording()).unwrap();
-    let contents = [
-        &whole[..whole.len() - 5],
-        &whole[..40],
-        b"PK\x03\x04 something else",
-        b"",
-    ];
-    for (index, bytes) in contents.iter().enumerate() {
-        let path = folder.path().join(format!("{index}.imuq"));
-        std::fs::write(&path, bytes).unwrap();
-        let path = path.to_str().unwrap();
-        assert_refused(
-            &[
-                "fly",
-                "--recording",
-                path,
-                "--report",
-                report.to_str().unwrap(),
-            ],
-            path,
-        );
-    }
-    assert!(!report.exists());
-}
-
 /// A sensor that resets at 1.2 s ends in failsafe; the same flight stays active without that.
 #[test]
-fn faults_come_from_a_file_and_are_refused_by_name() {
+fn faults_come_from_a_file() {
     let folder = tempfile::tempdir().unwrap();
-    let (report, file) = (folder.path().join("fly.html"), folder.path().join("f.toml"));
-    let (report, file) = (report.to_str().unwrap(), file.to_str().unwrap());
-    let write = |kind: &str, at_s: f64| {
-        let text = format!("[[fault]]\nkind = \"{kind}\"\nat_s = {at_s}\nfor_s = 5.0\n");
-        std::fs::write(file, text).unwrap();
-    };
-    write("gremlins", 1.0);
-    assert_refused(&["fly", "--faults", file], "there is no fault gremlins");
-    write("unplugged", 9.0);
-    assert_refused(&["fly", "--faults", file], "at_s must be");
-    assert_refused(&["fly", "--faults", "no/such.toml"], "no/such.toml");
+    let report = folder.path().join("fly.html");
+    let report = report.to_str().unwrap();
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/faults.toml");
     let shipped = shipped.to_str().unwrap();
     let output = tvc(&[
@@ -140,7 +98,7 @@ fn a_disturbed_flight_says_what_disturbed_it() {
 }
 
 #[test]
-fn gains_and_drone_come_from_files_and_are_refused_before_anything_is_built() {
+fn gains_and_drone_come_from_files() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, text: &str| -> String {
         let path = folder.path().join(name);
@@ -161,10 +119,6 @@ fn gains_and_drone_come_from_files_and_are_refused_before_anything_is_built() {
     assert!(fly(&["--params", &calm]).0 > rise_s + 0.05);
     let heavy = file("heavy.toml", "[drone]\nbody_inertia_kg_m2 = 0.2\n");
     assert!(fly(&["--drone", &heavy]).1 > overshoot_pct + 10.0);
-    let bad = file("bad.param", "PID_KP 99\n");
-    assert_refused(&["fly", "--params", &bad], "PID_KP must be 0 to 10");
-    let bad = file("bad.toml", "[drone]\nmass = 1\n");
-    assert_refused(&["fly", "--drone", &bad], "mass");
 }
 
 #[test]

@@ -295,49 +295,6 @@ fn several_recordings_go_to_a_folder_and_have_a_mean() {
 }
 
 #[test]
-fn unusable_input_is_refused_in_one_line_and_nothing_is_written() {
-    let folder = tempfile::tempdir().unwrap();
-    let (file, out) = (recording(), folder.path().join("e.csv"));
-    let (file, out) = (file.to_str().unwrap(), out.to_str().unwrap());
-    let refused = |more: &[&str], parts: &[&str]| {
-        assert_refused(
-            folder.path(),
-            &[&[file, "--out", out], more].concat(),
-            parts,
-        );
-    };
-    refused(&["--filter", "ekf"], &["ekf", "mahony, madgwick"]);
-    refused(&["--mode", "7d"], &["7d", "9d"]);
-    refused(&["--scalar", "q15"], &["q15", "fixed"]);
-    refused(
-        &["--set", "beta=1"],
-        &["vqf has no setting beta", "mag_tau_s", "rest.time_s"],
-    );
-    refused(&["--set", "mag_tau_s"], &["KEY=VALUE"]);
-    refused(
-        &["--set", "mag_tau_s=-1"],
-        &["mag_tau_s=-1 is out of range"],
-    );
-    refused(&["--set", "mag_tau_s=soon"], &["soon is not a number"]);
-    refused(&["--set", "preset=thesis"], &["published"]);
-    refused(
-        &["--filter", "gyro", "--scalar", "fixed"],
-        &["madgwick and vqf have one"],
-    );
-    assert_refused(folder.path(), &[file], &["--out"]);
-    assert_refused(
-        folder.path(),
-        &["no/such.imuq", "--score"],
-        &["no/such.imuq"],
-    );
-    assert_refused(
-        folder.path(),
-        &[folder.path().to_str().unwrap(), "--score"],
-        &["folder"],
-    );
-}
-
-#[test]
 fn a_truncated_or_foreign_file_is_refused_and_leaves_no_output() {
     let folder = tempfile::tempdir().unwrap();
     let whole = fs::read(recording()).unwrap();

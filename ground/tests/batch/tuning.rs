@@ -7,7 +7,7 @@ use plant::pitch_loop::{Pd, PitchLoop, Timing};
 use plant::{Parameters, ServoModel};
 use serde_json::Value;
 
-use crate::running::{self, assert_refused};
+use crate::running;
 
 fn tvc(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = running::command(arguments);
@@ -16,19 +16,6 @@ fn tvc(folder: &Path, arguments: &[&str]) -> Output {
 
 fn json(folder: &Path, arguments: &[&str]) -> Value {
     running::json(&tvc(folder, arguments))
-}
-
-#[test]
-fn unusable_input_is_refused_in_one_line() {
-    assert_refused(&["montecarlo", "-n", "0"], "0");
-    assert_refused(&["montecarlo", "--shard", "5/4"], "I/N");
-    assert_refused(&["montecarlo", "--lateral-mm", "-5"], "0 to 40 mm");
-    assert_refused(&["montecarlo", "--params", "none.param"], "none.param");
-    assert_refused(&["montecarlo", "merge", "none.csv"], "none.csv");
-    assert_refused(&["montecarlo", "rerun", "none.toml"], "none.toml");
-    assert_refused(&["tune", "--drone", "none.toml"], "none.toml");
-    assert_refused(&["tune", "--overshoot", "0"], "above zero");
-    assert_refused(&["identify", "none.csv"], "none.csv");
 }
 
 /// Whatever the number of threads and shards, a seed gives the same runs; the worst fly again as
