@@ -1,5 +1,7 @@
 //! Arguments that more than one command takes.
 
+use std::ops::{RangeBounds, RangeInclusive};
+
 use tvc_nano::{Axis, Params};
 
 /// An axis of the vehicle, by its name.
@@ -21,15 +23,40 @@ impl From<AxisName> for Axis {
     }
 }
 
+/// Parses a number in a range; otherwise the error says `what` it is.
+///
+/// # Errors
+/// `what`.
+pub fn number(text: &str, range: impl RangeBounds<f64>, what: &str) -> Result<f64, String> {
+    let number = text.trim().parse().ok();
+    number
+        .filter(|number| range.contains(number))
+        .ok_or_else(|| what.to_owned())
+}
+
+/// Two numbers in ranges, with a comma between them.
+///
+/// # Errors
+/// `what`.
+pub fn numbers(
+    text: &str,
+    [first, second]: [RangeInclusive<f64>; 2],
+    what: &str,
+) -> Result<(f64, f64), String> {
+    let (a, b) = text.split_once(',').ok_or(what)?;
+    Ok((number(a, first, what)?, number(b, second, what)?))
+}
+
 /// Parses a length of time, s, above 0 and at most 1e6.
 ///
 /// # Errors
 /// What such a time looks like.
 pub fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if seconds > 0.0 && seconds <= 1e6 => Ok(seconds),
-        _ => Err("a time is a number of seconds above 0, such as 10".into()),
-    }
+    number(
+        text,
+        f64::MIN_POSITIVE..=1e6,
+        "a time is a number of seconds above 0, such as 10",
+    )
 }
 
 /// Parses a parameter of the firmware and a value that it can have, `NAME=VALUE`.

@@ -6,7 +6,7 @@ use clap::{Args, Subcommand};
 use plant::Parameters;
 use rig::ServoKind;
 
-use crate::arguments::parameter;
+use crate::arguments::{number, numbers, parameter};
 use report::kind;
 
 /// The model: physics that can be checked, and what follows from it.
@@ -150,17 +150,16 @@ fn preset(name: &str) -> Result<String, String> {
 }
 
 fn gains(text: &str) -> Result<(f64, f64), String> {
-    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
-    text.split_once(',')
-        .and_then(|(kp, kd)| Some((number(kp)?, number(kd)?)))
-        .ok_or_else(|| "gains are two numbers, such as 1.0,0.3".into())
+    numbers(
+        text,
+        [f64::MIN..=f64::MAX, f64::MIN..=f64::MAX],
+        "gains are two numbers, such as 1.0,0.3",
+    )
 }
 
 fn interval(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
-        _ => Err("an interval is a number of seconds above zero, such as 0.005".into()),
-    }
+    const WHAT: &str = "an interval is a number of seconds above zero, such as 0.005";
+    number(text, f64::MIN_POSITIVE..=f64::MAX, WHAT)
 }
 
 const SIMULATE_HELP: &str = "\

@@ -11,7 +11,7 @@ use client::{Failure, RefusalKind, StateKind, request};
 use indicatif::{ProgressBar, ProgressStyle};
 use tvc_nano::Axis;
 
-use crate::arguments::{AxisName, seconds};
+use crate::arguments::{AxisName, number, seconds};
 use crate::logs::log::{Flight, Release, Writer};
 use crate::logs::report::{conclude, figures, response, sweep};
 use crate::signals;
@@ -126,10 +126,11 @@ impl Manoeuvre {
 }
 
 fn amplitude(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(deg) if deg > 0.0 && deg <= 15.0 => Ok(deg),
-        _ => Err("an amplitude is above 0 and at most 15 deg".into()),
-    }
+    number(
+        text,
+        f64::MIN_POSITIVE..=15.0,
+        "an amplitude is above 0 and at most 15 deg",
+    )
 }
 
 /// How long the vehicle may refuse to be armed: it passes its self-test and learns the gyro's

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 
+use crate::arguments::number;
 use crate::logs::convert;
 use report::exit::Verdict;
 use report::kind;
@@ -121,10 +122,11 @@ pub struct Cut {
 
 /// Parses a time in a log, s.
 fn time(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if (0.0..=1e9).contains(&seconds) => Ok(seconds),
-        _ => Err("a time in a log is a number of seconds since its first message".into()),
-    }
+    number(
+        text,
+        0.0..=1e9,
+        "a time in a log is a number of seconds since its first message",
+    )
 }
 
 /// Does what `options` ask for.

@@ -1,6 +1,6 @@
 //! Options of `tvc calibrate`.
 
-use crate::arguments::seconds;
+use crate::arguments::{number, numbers, seconds};
 use crate::vehicle::param::ParamPort;
 use anyhow::Result;
 use calibration::{STANDARD_GRAVITY, Sensor, Wanted};
@@ -236,35 +236,22 @@ pub struct Day {
 }
 
 fn declination(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(deg) if deg.abs() <= 180.0 => Ok(deg),
-        _ => Err("a declination is a number of degrees from -180 to 180, such as 4.37".into()),
-    }
+    const WHAT: &str = "a declination is a number of degrees from -180 to 180, such as 4.37";
+    number(text, -180.0..=180.0, WHAT)
 }
 
 fn gravity(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(g) if (9.7..=9.9).contains(&g) => Ok(g),
-        _ => Err("gravity on earth is 9.7 to 9.9 m/s^2".into()),
-    }
+    number(text, 9.7..=9.9, "gravity on earth is 9.7 to 9.9 m/s^2")
 }
 
 /// Latitude and longitude, deg.
 pub fn place(text: &str) -> Result<Place, String> {
-    let parsed = text
-        .split_once(',')
-        .and_then(|(lat, lon)| Some((lat.trim().parse().ok()?, lon.trim().parse().ok()?)));
-    match parsed {
-        Some((latitude_deg, longitude_deg))
-            if f32::abs(latitude_deg) <= 90.0 && f32::abs(longitude_deg) <= 180.0 =>
-        {
-            Ok(Place {
-                latitude_deg,
-                longitude_deg,
-            })
-        }
-        _ => Err("a place is latitude and longitude in degrees, such as 55.79,12.52".into()),
-    }
+    const WHAT: &str = "a place is latitude and longitude in degrees, such as 55.79,12.52";
+    let (latitude, longitude) = numbers(text, [-90.0..=90.0, -180.0..=180.0], WHAT)?;
+    Ok(Place {
+        latitude_deg: latitude as f32,
+        longitude_deg: longitude as f32,
+    })
 }
 
 fn day(text: &str) -> Result<Day, String> {
