@@ -231,7 +231,8 @@ impl Figure {
         self
     }
 
-    /// What the tables show where the value is missing, in place of "none".
+    /// What the tables show where the value is missing, in place of "none"; where that is empty,
+    /// the value has no line.
     pub fn or(mut self, missing: &'static str) -> Self {
         self.missing = missing;
         self
@@ -311,6 +312,8 @@ impl Figure {
         match &self.value {
             Value::Group(inner) => inner.iter().flat_map(|f| f.leaves(with_rows)).collect(),
             Value::Rows(inner) if with_rows => inner.iter().flat_map(|f| f.leaves(true)).collect(),
+            // Without words for it, a missing value is left out of the lines.
+            Value::Missing if !with_rows && self.cell().is_empty() => Vec::new(),
             _ if self.label.is_empty() => Vec::new(),
             _ => vec![self],
         }
@@ -413,6 +416,14 @@ impl Figures {
     /// Label, value and limit of everything that is in no table of its own.
     pub fn lines(&self) -> Table {
         lines(self.0.iter().flat_map(|figure| figure.leaves(false)))
+    }
+
+    /// Label and value of everything that is in no table of its own.
+    pub fn named(&self) -> Vec<[String; 2]> {
+        let leaves = self.0.iter().flat_map(|figure| figure.leaves(false));
+        leaves
+            .map(|leaf| [leaf.label.clone(), leaf.amount()])
+            .collect()
     }
 
     /// The table under a key.

@@ -2,6 +2,8 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use super::table::Table;
+
 const STYLE: &str = include_str!("page.css");
 
 /// A whole page around `body`; nothing is loaded from anywhere.
@@ -28,12 +30,7 @@ pub fn figure(caption: &str, svg: String) -> Markup {
 
 /// A table of texts; the first column is a name, the others are figures.
 pub fn table(head: &[&str], rows: &[Vec<String>]) -> Markup {
-    html! {
-        table {
-            thead { tr { @for cell in head { th { (cell) } } } }
-            tbody { @for row in rows { tr { @for cell in row { td { (cell) } } } } }
-        }
-    }
+    Table::new(head.iter().copied(), rows.to_vec()).markup()
 }
 
 /// Whether requirements hold, in words and by colour.

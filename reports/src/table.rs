@@ -28,7 +28,7 @@ impl Table {
         }
     }
 
-    /// Aligns all columns but the first to the right on a terminal.
+    /// Aligns columns with numbers, all but the first, to the right on a terminal.
     pub fn right_aligned(mut self) -> Self {
         self.right_aligned = true;
         self
@@ -47,7 +47,18 @@ impl Table {
             .set_header(self.head.iter().map(|cell| wrapped(cell)))
             .add_rows(&self.rows);
         if self.right_aligned {
-            for column in table.column_iter_mut().skip(1) {
+            let is_number = |cell: &String| cell.parse::<f64>().is_ok();
+            let has_numbers = |at| {
+                self.rows
+                    .iter()
+                    .any(|row| row.get(at).is_some_and(is_number))
+            };
+            for (_, column) in table
+                .column_iter_mut()
+                .enumerate()
+                .skip(1)
+                .filter(|c| has_numbers(c.0))
+            {
                 column.set_cell_alignment(CellAlignment::Right);
             }
         }

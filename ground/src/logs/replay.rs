@@ -18,14 +18,14 @@ use client::state::{is_in_operation, reason_of, state_of};
 use client::{ReasonKind, StateKind};
 use mavlink::dialects::common::{MavCmd, MavResult};
 use recordings::FilterName;
-use serde::Serialize;
 use tvc_nano::{BootReport, Command, Flight, Micros, RawSample, Refresh, SensorFault};
 
 use crate::arguments::parameter;
 use crate::logs::log::{self, Event, Step};
 use report::exit::{BadInput, Verdict};
-use report::file::{hand_over, print_figures, write_whole};
+use report::file::write_whole;
 use report::kind;
+use report::measure::{Figures, data, figure, note, rows};
 
 /// Options of `tvc replay`.
 #[derive(Debug, Args)]
@@ -85,9 +85,9 @@ pub struct Pair {
     pub exact: bool,
 }
 
-/// The figures of a replay.
-#[derive(Debug, Default, Serialize)]
-pub struct Figures {
+/// What a replay comes to.
+#[derive(Debug, Default)]
+pub struct Comparison {
     /// Control steps in the log.
     pub steps: usize,
     /// Steps of which all is known that they depend on.
@@ -113,7 +113,6 @@ pub struct Figures {
     /// Parameters that were given other values.
     pub changed: BTreeMap<String, f32>,
     /// RMS difference between the other filter's pitch and the firmware's, rad.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub filter_difference_rad_rms: Option<f64>,
 }
 
@@ -129,40 +128,30 @@ pub fn run(options: &Replay) -> Result<Verdict> {
         ))
         .into());
     }
-    let mut figures = compare(&pairs);
-    (figures.missed, figures.lost) = (flight.missed(), flight.lost());
-    figures.gaps_s = gaps_s(&flight);
-    (figures.refused, figures.changed) = (refused, changed);
+    let mut found = compare(&pairs);
+    (found.missed, found.lost) = (flight.missed(), flight.lost());
+    found.gaps_s = gaps_s(&flight);
+    (found.refused, found.changed) = (refused, changed);
     let chosen = options
         .filter
         .or(options.offline.then_some(FilterName::Vqf));
-    let other = match chosen {
-        Some(chosen) => Some(filter::pitches(
-            chosen,
-            options.offline,
-            &flight,
-            &flight.parameters(),
-        )?),
-        None => None,
-    };
-    if let Some(other) = &other {
-        figures.filter_difference_rad_rms = Some(filter::difference_rms(other, &flight));
-    }
-    let printed = print_figures(&figures, options.json, |figures| {
-        words(figures).join("\n") + "\n"
-    });
-    let table = options.csv.as_ref().map_or(Ok(()), |path| {
-        write_whole(path, table::text(&pairs, other.as_deref()).as_bytes())?;
-        eprintln!("wrote {}", path.display());
-        Ok(())
-    });
+    let other = chosen
+        .map(|chosen| filter::pitches(chosen, options.offline, &flight, &flight.parameters()));
+    let other = other.transpose()?;
+    let rms = |other: &Vec<(f64, f64)>| filter::difference_rms(other, &flight);
+    found.filter_difference_rad_rms = other.as_ref().map(rms);
     let page = options.report.as_deref().map(|path| {
-        let page = page::render(&options.log, &figures, &pairs, other.as_deref())?;
+        let page = page::render(&options.log, &found, &pairs, other.as_deref())?;
         anyhow::Ok((path, page))
     });
-    hand_over(printed.and(table), page.transpose()?, &[])?;
-    let as_logged = figures.compared > 0 && figures.equal == figures.compared;
-    Ok(Verdict::of(as_logged || !figures.changed.is_empty()))
+    let concluded = found.figures().conclude(options.json, page.transpose()?);
+    if let Some(path) = &options.csv {
+        write_whole(path, table::text(&pairs, other.as_deref()).as_bytes())?;
+        eprintln!("wrote {}", path.display());
+    }
+    concluded?;
+    let as_logged = found.compared > 0 && found.equal == found.compared;
+    Ok(Verdict::of(as_logged || !found.changed.is_empty()))
 }
 
 /// The times of the steps before which frames are lost.
@@ -179,65 +168,63 @@ fn gaps_s(flight: &log::Flight) -> Vec<f64> {
     flight.events.iter().filter_map(at_gap).collect()
 }
 
-/// The figures, a line each.
-fn words(figures: &Figures) -> Vec<String> {
-    let mut lines = vec![format!(
-        "{} control steps, {} without a sample, {} frames lost",
-        figures.steps, figures.missed, figures.lost
-    )];
-    if figures.lost > 0 {
-        let gaps = figures.gaps_s.iter().map(|at_s| format!("{at_s:.3} s"));
-        lines.push(format!("gaps at {}", some(gaps)));
-    }
-    if figures.compared > 0 && figures.compared < figures.steps {
-        let stretches = figures.compared_s.iter();
-        let stretches = stretches.map(|[from, to]| format!("{from:.3} to {to:.3} s"));
-        lines.push(format!(
-            "compared {} of {} steps: {}; where a log begins and behind a gap, from the vehicle's \
-             next full state on",
-            figures.compared,
-            figures.steps,
-            some(stretches)
-        ));
-    }
-    if !figures.changed.is_empty() {
-        lines.push(format!(
-            "with {}: pitch differs by at most {:.4} rad, the pulse by {} us",
-            figures
+impl Comparison {
+    /// For a person and for `--json`.
+    pub fn figures(&self) -> Figures {
+        let stretches = self
+            .compared_s
+            .iter()
+            .map(|[from, to]| format!("{from:.3} to {to:.3} s"));
+        let gaps = self.gaps_s.iter().map(|at_s| format!("{at_s:.3} s"));
+        let mut figures = vec![
+            figure("steps", self.steps).shown("control steps", "", 0),
+            figure("compared", self.compared).shown("  that can be compared", "", 0),
+            data("compared_s", &self.compared_s).said("  from a full state on", some(stretches)),
+            figure("equal", self.equal).shown("  equal bit for bit", "", 0),
+            figure("first_difference_s", self.first_difference_s).shown(
+                "  first difference",
+                "s",
+                3,
+            ),
+            figure("missed", self.missed).shown("  without a sample", "", 0),
+            figure("lost", self.lost).shown("frames lost", "", 0),
+            data("gaps_s", &self.gaps_s).said("  gaps", some(gaps)),
+            figure("pitch_difference_rad_max", self.pitch_difference_rad_max).shown(
+                "pitch differs by at most",
+                "rad",
+                4,
+            ),
+            figure("pulse_difference_us_max", self.pulse_difference_us_max).shown(
+                "pulse differs by at most",
+                "us",
+                0,
+            ),
+            rows("refused", self.refused.iter().map(String::as_str)),
+            data("changed", &self.changed),
+        ];
+        figures.extend(self.filter_difference_rad_rms.map(|rms| {
+            figure("filter_difference_rad_rms", rms)
+                .shown("the other filter's pitch differs by, rms", "deg", 3)
+                .scaled(1_f64.to_degrees())
+        }));
+        if !self.changed.is_empty() {
+            let changed = self
                 .changed
                 .iter()
-                .map(|(name, value)| format!("{name} = {value}"))
-                .collect::<Vec<_>>()
-                .join(", "),
-            figures.pitch_difference_rad_max,
-            figures.pulse_difference_us_max
-        ));
-    } else if figures.compared == 0 {
-        lines.push(format!(
-            "nothing to compare bit for bit: the log holds neither the beginning of an estimate nor \
-             a full state with the parameters that it tells; pitch differs by at most {:.4} rad",
-            figures.pitch_difference_rad_max
-        ));
-    } else {
-        lines.push(format!(
-            "attitude, rates, command and pulse equal bit for bit in {} of {} steps that can be compared",
-            figures.equal, figures.compared
-        ));
+                .map(|(name, value)| format!("{name} = {value}"));
+            figures.push(note(format!(
+                "with {}",
+                changed.collect::<Vec<_>>().join(", ")
+            )));
+        } else if self.compared == 0 {
+            figures.push(note(
+                "nothing to compare bit for bit: the log holds neither the beginning of an estimate \
+                 nor a full state with the parameters that it tells",
+            ));
+        }
+        figures.extend(self.refused.iter().map(note));
+        Figures::from(figures)
     }
-    if let Some(time) = figures
-        .first_difference_s
-        .filter(|_| figures.changed.is_empty())
-    {
-        lines.push(format!("the first difference is at {time:.3} s"));
-    }
-    if let Some(rms) = figures.filter_difference_rad_rms {
-        lines.push(format!(
-            "the other filter's pitch differs by {:.3} deg rms",
-            rms.to_degrees()
-        ));
-    }
-    lines.extend(figures.refused.iter().cloned());
-    lines
 }
 
 /// The first few.
@@ -245,6 +232,7 @@ fn some(texts: impl ExactSizeIterator<Item = String>) -> String {
     let more = texts.len().saturating_sub(SHOWN);
     let shown = texts.take(SHOWN).collect::<Vec<_>>().join(", ");
     match more {
+        0 if shown.is_empty() => "none".into(),
         0 => shown,
         more => format!("{shown} and {more} more"),
     }
@@ -454,15 +442,15 @@ impl Run {
     }
 }
 
-fn compare(pairs: &[Pair]) -> Figures {
-    let mut figures = Figures {
+fn compare(pairs: &[Pair]) -> Comparison {
+    let mut found = Comparison {
         steps: pairs.len(),
-        ..Figures::default()
+        ..Comparison::default()
     };
     let stretches = pairs.chunk_by(|a, b| a.exact == b.exact);
     let ends = stretches.filter_map(|stretch| Some((stretch.first()?, stretch.last()?)));
     let compared = ends.filter(|(first, _)| first.exact);
-    figures.compared_s = compared
+    found.compared_s = compared
         .map(|(first, last)| [first.logged.time_s(), last.logged.time_s()])
         .collect();
     // Before the first step whose past is known there is nothing to compare.
@@ -474,21 +462,21 @@ fn compare(pairs: &[Pair]) -> Figures {
     } in &pairs[known..]
     {
         let pitch = (logged.pitch_rad() - again.pitch_rad()).abs();
-        figures.pitch_difference_rad_max = figures.pitch_difference_rad_max.max(pitch);
+        found.pitch_difference_rad_max = found.pitch_difference_rad_max.max(pitch);
         for (logged, again) in logged.pulses_us.iter().zip(again.pulses_us) {
-            let most = &mut figures.pulse_difference_us_max;
+            let most = &mut found.pulse_difference_us_max;
             *most = (*most).max(logged.abs_diff(again));
         }
         if *exact {
-            figures.compared += 1;
+            found.compared += 1;
             if same(logged, again) {
-                figures.equal += 1;
-            } else if figures.first_difference_s.is_none() {
-                figures.first_difference_s = Some(logged.time_s());
+                found.equal += 1;
+            } else if found.first_difference_s.is_none() {
+                found.first_difference_s = Some(logged.time_s());
             }
         }
     }
-    figures
+    found
 }
 
 fn same(a: &Step, b: &Step) -> bool {

@@ -1,33 +1,17 @@
 //! `tvc model simulate`: a scenario in, a trajectory out.
 
 use std::fmt::Write;
-use std::path::Path;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
 use indicatif::ProgressBar;
 use plant::scenario::{Row, Scenario, ScenarioError};
-use serde::Serialize;
 
 use super::read;
 use crate::model::Simulate;
 use report::exit::{BadInput, Verdict};
-use report::file::{print, print_json, write_whole};
-
-/// What was run, where its rows were written, and their range.
-#[derive(Serialize)]
-struct Figures<'a> {
-    scenario: &'a Path,
-    out: Option<&'a Path>,
-    rows: usize,
-    dt_s: f64,
-    seconds: f64,
-    first: Row,
-    last: Row,
-    /// Smallest and largest value of each column.
-    least: Row,
-    most: Row,
-}
+use report::file::{print, write_whole};
+use report::measure::{Figures, data, figure};
 
 /// Simulates as `options` say.
 pub fn run(options: &Simulate) -> Result<Verdict> {
@@ -43,18 +27,19 @@ pub fn run(options: &Simulate) -> Result<Verdict> {
     }
     if options.json {
         let (first, last) = (rows[0], rows[rows.len() - 1]);
-        let figures = Figures {
-            scenario: &options.scenario,
-            out: options.out.as_deref(),
-            rows: rows.len(),
-            dt_s: rows[1].t - first.t,
-            seconds: last.t,
-            first,
-            last,
-            least: extremes(&rows, f64::min),
-            most: extremes(&rows, f64::max),
-        };
-        print_json(&figures)?;
+        let figures = Figures::from([
+            data("scenario", &options.scenario),
+            data("out", &options.out),
+            figure("rows", rows.len()),
+            figure("dt_s", rows[1].t - first.t),
+            figure("seconds", last.t),
+            data("first", &first),
+            data("last", &last),
+            // Smallest and largest value of each column.
+            data("least", &extremes(&rows, f64::min)),
+            data("most", &extremes(&rows, f64::max)),
+        ]);
+        return figures.conclude(true, None);
     }
     Ok(Verdict::Met)
 }

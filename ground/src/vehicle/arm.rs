@@ -7,12 +7,11 @@ use clap::Args;
 use client::StateKind;
 use client::request::{self, Order};
 use client::state::is_in_operation;
-use serde_json::{Value, json};
 
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
 use report::exit::Verdict;
-use report::file::{print, print_json};
+use report::measure::{Figures, figure, note};
 
 /// Options of `tvc arm`, `tvc disarm` and `tvc reboot`.
 #[derive(Debug, Args)]
@@ -47,7 +46,8 @@ pub fn arm(options: &Operate) -> Result<Verdict> {
     vehicle.command(request::ARM)?;
     follow(&mut vehicle, request::ARM, StateKind::is_armed)?;
     let state = vehicle.link().client().state_name();
-    answer(options, &json!({ "state": state }), &state)
+    let figures = Figures::from([figure("state", &*state), note(&*state)]);
+    figures.conclude(options.json, None)
 }
 
 /// Disarms. A fault that keeps the vehicle in its failsafe is named: its rudder is at neutral all
@@ -67,8 +67,12 @@ pub fn disarm(options: &Operate) -> Result<Verdict> {
         || state.clone(),
         |fault| format!("disarmed; fault remains: {fault}"),
     );
-    let object = json!({ "state": state, "fault": fault });
-    answer(options, &object, &words)
+    let figures = Figures::from([
+        figure("state", state),
+        figure("fault", fault.map(|fault| fault.to_string())),
+        note(words),
+    ]);
+    figures.conclude(options.json, None)
 }
 
 /// Starts the vehicle anew.
@@ -77,7 +81,8 @@ pub fn disarm(options: &Operate) -> Result<Verdict> {
 /// No vehicle, or its refusal.
 pub fn reboot(options: &Operate) -> Result<Verdict> {
     Vehicle::connect(&options.port)?.command(request::REBOOT)?;
-    answer(options, &json!({ "restarting": true }), "restarting")
+    let figures = Figures::from([figure("restarting", true), note("restarting")]);
+    figures.conclude(options.json, None)
 }
 
 /// Waits for the state that an order leads to.
@@ -94,13 +99,4 @@ fn follow(vehicle: &mut Vehicle, order: Order, obeyed: fn(StateKind) -> bool) ->
         vehicle.receive()?;
     }
     Ok(())
-}
-
-fn answer(options: &Operate, object: &Value, words: &str) -> Result<Verdict> {
-    if options.json {
-        print_json(object)?;
-    } else {
-        print(format_args!("{words}\n"))?;
-    }
-    Ok(Verdict::Met)
 }

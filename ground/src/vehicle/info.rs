@@ -3,8 +3,7 @@
 mod next;
 pub mod vehicle;
 
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Result;
 use clap::Args;
@@ -16,7 +15,7 @@ use crate::vehicle::port::{self, Life, PortOptions};
 use crate::{config, image};
 use next::Standing;
 use report::exit::Verdict;
-use report::file::print_figures;
+use report::measure::{Figures, data, figure, note, shown};
 use vehicle::Told;
 
 /// Options of `tvc info`.
@@ -45,12 +44,8 @@ pub struct Info {
 }
 
 /// What was found.
-#[derive(Debug, Default, Serialize)]
+#[derive(Debug, Default)]
 struct Found {
-    /// This tool and its build.
-    tool: &'static str,
-    /// Files of the configuration, the one that goes before the other first.
-    configuration: Vec<PathBuf>,
     /// The image that `tvc fly` and `tvc flash` take.
     image: Option<ImageFound>,
     port: Option<PortFound>,
@@ -71,21 +66,14 @@ struct ImageFound {
 #[derive(Debug, Serialize)]
 struct PortFound {
     name: String,
-    /// A Nano by its USB ids, in its bootloader or not.
+    /// What runs on it, if it is a Nano by its USB ids.
+    #[serde(skip)]
+    life: Option<Life>,
     nano: bool,
     bootloader: bool,
     access: Option<Access>,
     /// Other programs that have it open.
     held_by: Option<Vec<Program>>,
-}
-
-/// What was found, and what follows.
-#[derive(Debug, Serialize)]
-struct Answer {
-    #[serde(flatten)]
-    found: Found,
-    standing: Standing,
-    next: String,
 }
 
 /// Looks, and says what to do next.
@@ -98,19 +86,12 @@ pub fn run(options: &Info) -> Result<Verdict> {
     }
     let found = look(&options.port);
     let (standing, next) = next::next(&found);
-    let answer = Answer {
-        found,
-        standing,
-        next,
-    };
-    print_figures(&answer, options.json, words)?;
+    figures(&found, standing, &next).conclude(options.json, None)?;
     Ok(standing.verdict())
 }
 
 fn look(options: &PortOptions) -> Found {
     let mut found = Found {
-        tool: TOOL,
-        configuration: config::files(),
         image: image::at_hand().map(|(from, build)| ImageFound { from, build }),
         modem_manager: is_running("ModemManager"),
         ..Found::default()
@@ -122,6 +103,7 @@ fn look(options: &PortOptions) -> Found {
             held_by: holders(Path::new(&name)),
             nano: life.is_some(),
             bootloader: life == Some(Life::Bootloader),
+            life,
             name,
         }
     });
@@ -138,57 +120,59 @@ fn look(options: &PortOptions) -> Found {
     found
 }
 
-/// The answer for a person, a line each.
-fn words(answer: &Answer) -> String {
-    let found = &answer.found;
-    let mut text = String::new();
-    let mut line = |label: &str, words: &str| {
-        // Writing to a string does not fail.
-        let _ = writeln!(text, "{label:<15}{words}");
-    };
-    line("tool", found.tool);
-    for path in &found.configuration {
-        line("configuration", &path.display().to_string());
+/// What was found and what follows, a line each.
+fn figures(found: &Found, standing: Standing, next: &str) -> Figures {
+    let files = config::files();
+    let mut figures = vec![
+        figure("tool", TOOL).shown("tool", "", 0),
+        data("configuration", &files),
+    ];
+    figures.extend(
+        files
+            .iter()
+            .map(|file| shown("configuration", file.display().to_string())),
+    );
+    let image = found.image.as_ref();
+    let image = image.map_or("none".into(), |image| {
+        format!("{}, {}", image.build, image.from)
+    });
+    figures.push(data("image", &found.image).said("image", image));
+    let port = found.port.as_ref();
+    let name = port.map_or("none".into(), PortFound::words);
+    figures.push(data("port", &found.port).said("port", name));
+    if let Some(access) = port.and_then(|port| port.access.as_ref()) {
+        let member = if access.member { "" } else { "not " };
+        let (owner, group, rights) = (&access.owner, &access.group, access.rights());
+        let words = format!("{rights} {owner}:{group}; you are {member}in the group");
+        figures.push(shown("rights", words));
     }
-    match &found.image {
-        Some(image) => line("image", &format!("{}, {}", image.build, image.from)),
-        None => line("image", "none"),
+    if let Some(holders) = port.and_then(|port| port.held_by.as_ref()) {
+        figures.push(shown("used by", names(holders)));
     }
-    match &found.port {
-        Some(port) => {
-            line("port", &port.words());
-            if let Some(access) = &port.access {
-                let member = if access.member { "" } else { "not " };
-                let (owner, group, rights) = (&access.owner, &access.group, access.rights());
-                let words = format!("{rights} {owner}:{group}; you are {member}in the group");
-                line("rights", &words);
-            }
-            if let Some(holders) = &port.held_by {
-                line("used by", &names(holders));
-            }
-        }
-        None => line("port", "none"),
-    }
-    if found.modem_manager == Some(true) {
-        line(
+    let modem_manager = figure("modem_manager", found.modem_manager);
+    figures.push(match found.modem_manager {
+        Some(true) => modem_manager.said(
             "ModemManager",
             "runs, and may open a new port for some seconds: see docs/tool.md",
-        );
-    }
-    if let Some(vehicle) = &found.vehicle {
-        vehicle.lines(line);
-    }
-    let _ = writeln!(text, "\n{}: {}", answer.standing, answer.next);
-    text
+        ),
+        _ => modem_manager,
+    });
+    let vehicle = found.vehicle.as_ref();
+    figures.push(figure("vehicle", vehicle.map(Told::figures)));
+    figures.extend([
+        figure("problem", found.problem.as_deref()),
+        data("standing", &standing),
+        figure("next", next),
+        note(format!("{standing}: {next}")),
+    ]);
+    Figures::from(figures)
 }
 
 impl PortFound {
     fn words(&self) -> String {
-        let what = match (self.nano, self.bootloader) {
-            (false, _) => "",
-            (true, false) => " (SAMD21 Nano)",
-            (true, true) => " (SAMD21 Nano in its bootloader)",
-        };
-        format!("{}{what}", self.name)
+        match Life::words(self.life) {
+            "" => self.name.clone(),
+            what => format!("{} ({what})", self.name),
+        }
     }
 }

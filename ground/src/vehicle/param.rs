@@ -5,19 +5,19 @@ use std::path::Path;
 use anyhow::Result;
 use client::{Parameter, request};
 use serde::Serialize;
-use serde_json::{Value, json};
+use serde_json::json;
 use tvc_nano::Params;
 
 use crate::param_file::{self, File, NO_POLARITY};
 use crate::vehicle::link::Vehicle;
 use report::exit::{BadInput, Verdict};
-use report::file::{print, print_json, write_whole};
-use report::table::Table;
+use report::file::{print, write_whole};
+use report::measure::{Figure, Figures, data, figure, note, rows, shown};
 mod options;
 mod row;
 pub use options::{Param, ParamAction, ParamPort};
 use row::LAW;
-pub use row::{Row, is_measured, meaning};
+pub use row::{Row, is_measured};
 
 /// A parameter whose value on the vehicle is not that of the file or the default.
 #[derive(Debug, Serialize)]
@@ -61,19 +61,19 @@ pub fn run(options: &Param) -> Result<Verdict> {
         }
         ParamAction::Set { name, value } => {
             vehicle.set_parameter(name, *value)?;
+            let (name, value) = (name.clone(), *value);
             done(
                 json,
-                &json!({ "set": { name: value } }),
-                &format!("{name} = {value}"),
+                [data("set", &json!({ &name: value }))],
+                format!("{name} = {value}"),
             )?;
-            let (name, value) = (name.clone(), *value);
             let row = Row::of(&Parameter { name, value }, vehicle.parameter(LAW).ok());
             row.note().inspect(|note| eprintln!("{note}"));
             Ok(Verdict::Met)
         }
         ParamAction::Save => {
             vehicle.command(request::SAVE)?;
-            done(json, &json!({ "saved": true }), "saved")
+            done(json, [figure("saved", true)], "saved")
         }
         ParamAction::Reset { stored, .. } => {
             reset(&mut vehicle, &wanted.unwrap_or_default(), *stored, json)
@@ -87,21 +87,17 @@ pub fn run(options: &Param) -> Result<Verdict> {
     }
 }
 
-fn done(json: bool, object: &Value, words: &str) -> Result<Verdict> {
-    if json {
-        print_json(object)?;
-    } else {
-        print(format_args!("{words}\n"))?;
-    }
-    Ok(Verdict::Met)
+/// Ends with figures for `--json`, and words for a person.
+fn done<const N: usize>(
+    json: bool,
+    figures: [Figure; N],
+    words: impl Into<String>,
+) -> Result<Verdict> {
+    Figures::from(figures).and(note(words)).conclude(json, None)
 }
 
-fn show(rows: &[Row], json: bool) -> Result<Verdict> {
-    if json {
-        print_json(&json!({ "parameters": rows }))?;
-        return Ok(Verdict::Met);
-    }
-    let cells = rows.iter().map(|row| {
+fn show(parameters: &[Row], json: bool) -> Result<Verdict> {
+    let row = |row: &Row| {
         let default = match row.default {
             Some(default) if default == row.value => "same".to_owned(),
             Some(default) => default.to_string(),
@@ -111,19 +107,17 @@ fn show(rows: &[Row], json: bool) -> Result<Verdict> {
             Some(law) => format!("(not used by law {law}) {}", row.meaning),
             None => row.meaning.clone(),
         };
-        let unit = row.unit.to_owned();
-        vec![
-            row.name.clone(),
-            row.value.to_string(),
-            unit,
-            row.range.clone(),
-            default,
-            meaning,
+        [
+            shown("parameter", &row.name),
+            shown("value", row.value.to_string()),
+            shown("unit", row.unit),
+            shown("range", &row.range),
+            shown("default", default),
+            shown("meaning", meaning),
         ]
-    });
-    let head = ["parameter", "value", "unit", "range", "default", "meaning"];
-    print(Table::new(head, cells).text())?;
-    Ok(Verdict::Met)
+    };
+    let shown = rows("", parameters.iter().map(row));
+    Figures::from([data("parameters", &parameters), shown]).conclude(json, None)
 }
 
 /// What differs between the vehicle and a file, or the defaults.
@@ -154,16 +148,20 @@ fn diff(have: &[Parameter], wanted: Option<&[Parameter]>, json: bool) -> Result<
     let unknown: Vec<&String> = unknown
         .filter(|name| have.iter().all(|row| row.name != **name))
         .collect();
-    if json {
-        print_json(&json!({ "differences": differences, "unknown": unknown }))?;
-    } else {
-        for row in &differences {
-            print(format_args!(
-                "{:<16} vehicle {:<12} {other} {}\n",
-                row.name, row.vehicle, row.other
-            ))?;
-        }
-    }
+    let row = |row: &Difference| {
+        [
+            shown("parameter", &row.name),
+            shown("vehicle", row.vehicle.to_string()),
+            shown(other, row.other.to_string()),
+        ]
+    };
+    let shown = rows("", differences.iter().map(row));
+    let figures = [
+        data("differences", &differences),
+        data("unknown", &unknown),
+        shown,
+    ];
+    Figures::from(figures).conclude(json, None)?;
     for name in &unknown {
         eprintln!("{name} is in the file and not in the vehicle");
     }
@@ -201,8 +199,12 @@ fn load(
     let count = changes.len();
     done(
         json,
-        &json!({ "changed": count, "differences": changes, "left": left }),
-        &format!("{count} of {} changed", wanted.len()),
+        [
+            figure("changed", count),
+            data("differences", &changes),
+            data("left", &left),
+        ],
+        format!("{count} of {} changed", wanted.len()),
     )?;
     for Difference {
         name,
@@ -250,8 +252,8 @@ fn reset(vehicle: &mut Vehicle, some: &[Parameter], stored: bool, json: bool) ->
     let count = changes.len();
     done(
         json,
-        &json!({ "changed": count, "differences": changes }),
-        &format!("{count} changed; `tvc param save` keeps them over a loss of power"),
+        [figure("changed", count), data("differences", &changes)],
+        format!("{count} changed; `tvc param save` keeps them over a loss of power"),
     )
 }
 

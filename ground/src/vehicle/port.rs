@@ -8,8 +8,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use serde::Serialize;
-use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType};
+use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType, UsbPortInfo};
 
 use crate::vehicle::way::Way;
 use clap::Args;
@@ -18,7 +17,7 @@ pub use nano::test_ports;
 use nano::{BOOTLOADER, FIRMWARE, VENDOR, nano, nano_at, one_of_each};
 pub use nano::{Life, Nano, nanos};
 use report::exit::{BadInput, Verdict};
-use report::file::{print, print_json};
+use report::measure::{Figure, Figures, figure, rows, shown};
 
 /// Where the vehicle is.
 #[derive(Debug, Args)]
@@ -32,61 +31,36 @@ pub struct PortOptions {
 /// USB ignores the rate, but 1200 baud asks for the bootloader.
 const BAUD: u32 = 115_200;
 
-/// A port, as `tvc info --ports` lists it.
-#[derive(Debug, Serialize)]
-struct Listed {
-    port: String,
-    nano: bool,
-    usb: Option<String>,
-    product: Option<String>,
-    serial_number: Option<String>,
-    #[serde(skip)]
-    life: Option<Life>,
-}
-
 /// Lists the serial ports.
 ///
 /// # Errors
 /// The system does not list them.
 pub fn list(json: bool) -> Result<Verdict> {
-    let ports: Vec<Listed> = one_of_each(&available()?).map(listed).collect();
-    if json {
-        print_json(&serde_json::json!({ "ports": ports }))?;
-        return Ok(Verdict::Met);
-    }
-    if ports.is_empty() {
+    let ports = available()?;
+    if ports.is_empty() && !json {
         eprintln!("no serial port is connected; `tvc rig --pty` makes a virtual one");
     }
-    for port in &ports {
-        print(format_args!(
-            "{:<20} {:<10} {}{}\n",
-            port.port,
-            port.usb.as_deref().unwrap_or("-"),
-            port.product.as_deref().unwrap_or(""),
-            match port.life {
-                Some(Life::Firmware) => " (SAMD21 Nano)",
-                Some(Life::Bootloader) => " (SAMD21 Nano in its bootloader)",
-                None => "",
-            }
-        ))?;
-    }
-    Ok(Verdict::Met)
+    Figures::from([rows("ports", one_of_each(&ports).map(listed))]).conclude(json, None)
 }
 
-fn listed(port: &SerialPortInfo) -> Listed {
+fn listed(port: &SerialPortInfo) -> [Figure; 6] {
     let usb = match &port.port_type {
         SerialPortType::UsbPort(usb) => Some(usb),
         _ => None,
     };
     let life = nano(port).map(|nano| nano.life);
-    Listed {
-        port: port.port_name.clone(),
-        nano: life.is_some(),
-        life,
-        usb: usb.map(|usb| format!("{:04x}:{:04x}", usb.vid, usb.pid)),
-        product: usb.and_then(|usb| usb.product.clone()),
-        serial_number: usb.and_then(|usb| usb.serial_number.clone()),
-    }
+    let text = |key, of: fn(&UsbPortInfo) -> Option<String>| figure(key, usb.and_then(of)).or("-");
+    [
+        figure("port", &*port.port_name).shown("port", "", 0),
+        figure("nano", life.is_some()),
+        text("usb", |usb| {
+            Some(format!("{:04x}:{:04x}", usb.vid, usb.pid))
+        })
+        .shown("USB", "", 0),
+        text("product", |usb| usb.product.clone()).shown("product", "", 0),
+        shown("board", Life::words(life)),
+        text("serial_number", |usb| usb.serial_number.clone()),
+    ]
 }
 
 /// Every serial port of the machine, as the system lists them: macOS lists each one twice.

@@ -5,7 +5,6 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 use clap::Args;
 use client::{StateKind, request};
-use serde_json::json;
 
 use crate::arguments::seconds;
 use crate::signals;
@@ -14,7 +13,7 @@ use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
 use crate::vehicle::watch::Watched;
 use report::exit::{BadInput, Verdict};
-use report::file::{print, print_json};
+use report::measure::{Figures, figure, note};
 
 /// Options of `tvc release`.
 #[derive(Debug, Args)]
@@ -70,14 +69,8 @@ pub fn run(options: &Release) -> Result<Verdict> {
     let longest = options.seconds.map(Duration::from_secs_f64);
     let released = release(&mut vehicle, |begun| signals::asked(stop, begun, longest));
     let seconds = vehicle.leave(released)?;
-    if options.json {
-        print_json(&json!({ "seconds": seconds }))?;
-    } else {
-        print(format_args!(
-            "in control for {seconds:.1} s, then disarmed\n"
-        ))?;
-    }
-    Ok(Verdict::Met)
+    let words = format!("in control for {seconds:.1} s, then disarmed");
+    Figures::from([figure("seconds", seconds), note(words)]).conclude(options.json, None)
 }
 
 fn is_agreed(vehicle: &mut Vehicle) -> Result<bool> {

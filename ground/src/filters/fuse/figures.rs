@@ -1,26 +1,11 @@
-//! What `tvc fuse` found, for scripts and for people.
-
-use std::fmt::Write;
+//! What `tvc fuse` found.
 
 use recordings::{Choice, Mode, Score};
-use serde::Serialize;
-
-/// Everything, as printed by `--json`.
-#[derive(Debug, Serialize)]
-pub struct Figures {
-    filter: String,
-    mode: String,
-    scalar: String,
-    /// Both directions of time.
-    offline: bool,
-    files: Vec<FileFigures>,
-    /// Means over the recordings that have a score; `null` if none has.
-    mean: Option<ScoreFigures>,
-}
+use report::measure::{Figure, Figures, figure, rows};
 
 /// A recording.
-#[derive(Debug, Serialize)]
-pub struct FileFigures {
+#[derive(Debug)]
+pub struct Recording {
     /// Its name.
     pub file: String,
     /// File of its estimates, if one was asked for.
@@ -29,128 +14,95 @@ pub struct FileFigures {
     pub samples: u64,
     /// Number of samples with a fresh magnetic field.
     pub magnetometer_samples: u64,
-    /// Errors; `null` without a reference.
-    pub score: Option<ScoreFigures>,
+    /// Errors over the movement; nothing without a reference.
+    pub score: Option<Score>,
 }
 
-/// Degrees RMSE over the movement.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct ScoreFigures {
-    /// Error of the whole rotation; `null` in 6D, where there is no heading.
-    pub total_deg: Option<f64>,
-    /// Error about the vertical; `null` in 6D.
-    pub heading_deg: Option<f64>,
-    /// Error of the vertical.
-    pub inclination_deg: f64,
-    /// Number of samples that count.
-    pub samples: u64,
+/// Scores of the recordings and their mean. In 6D only the inclination means something.
+pub fn figures(choice: &Choice, offline: bool, recordings: &[Recording]) -> Figures {
+    let has_heading = choice.mode == Mode::NineD;
+    let row = |recording: &Recording| {
+        let file = figure("file", &*recording.file);
+        [
+            // The table has those that are scored.
+            match recording.score {
+                Some(_) => file.shown("recording", "", 0),
+                None => file,
+            },
+            figure("out", recording.out.clone()),
+            figure("samples", recording.samples),
+            figure("magnetometer_samples", recording.magnetometer_samples),
+            figure(
+                "score",
+                recording
+                    .score
+                    .map(|score| score_figures(score, has_heading, "")),
+            ),
+        ]
+    };
+    let scores: Vec<Score> = recordings
+        .iter()
+        .filter_map(|recording| recording.score)
+        .collect();
+    let mean = |of: fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
+    let mean = (!scores.is_empty()).then(|| Score {
+        total_deg: mean(|score| score.total_deg),
+        heading_deg: mean(|score| score.heading_deg),
+        inclination_deg: mean(|score| score.inclination_deg),
+        samples: scores.iter().map(|score| score.samples).sum(),
+    });
+    let mean = figure(
+        "mean",
+        mean.map(|mean| score_figures(mean, has_heading, "mean ")),
+    );
+    Figures::from([
+        figure("filter", choice.filter.to_string()),
+        figure("mode", choice.mode.to_string()),
+        figure("scalar", choice.scalar.to_string()),
+        figure("offline", offline),
+        rows("files", recordings.iter().map(row)),
+        if scores.len() > 1 {
+            mean
+        } else {
+            mean.unseen()
+        },
+    ])
 }
 
-impl From<Score> for ScoreFigures {
-    fn from(score: Score) -> Self {
-        Self {
-            total_deg: Some(score.total_deg),
-            heading_deg: Some(score.heading_deg),
-            inclination_deg: score.inclination_deg,
-            samples: score.samples as u64,
-        }
-    }
+fn score_figures(score: Score, has_heading: bool, of: &str) -> [Figure; 4] {
+    let deg = |key, label, value: Option<f64>| {
+        figure(key, value)
+            .shown(format!("{of}{label}"), "deg RMSE", 3)
+            .or("")
+    };
+    [
+        deg("total_deg", "total", has_heading.then_some(score.total_deg)),
+        deg(
+            "heading_deg",
+            "heading",
+            has_heading.then_some(score.heading_deg),
+        ),
+        deg(
+            "inclination_deg",
+            "inclination",
+            Some(score.inclination_deg),
+        ),
+        figure("samples", score.samples).shown(format!("{of}samples"), "", 0),
+    ]
 }
 
-impl Figures {
-    /// Without a recording yet.
-    pub fn new(choice: &Choice, offline: bool) -> Self {
-        Self {
-            filter: choice.filter.to_string(),
-            mode: choice.mode.to_string(),
-            scalar: choice.scalar.to_string(),
-            offline,
-            files: Vec::new(),
-            mean: None,
-        }
-    }
-
-    /// Adds a recording.
-    pub fn add(&mut self, mode: Mode, mut file: FileFigures) {
-        if let Some(score) = &mut file.score
-            && mode == Mode::SixD
-        {
-            (score.total_deg, score.heading_deg) = (None, None);
-        }
-        self.files.push(file);
-        self.mean = self.means();
-    }
-
-    fn means(&self) -> Option<ScoreFigures> {
-        let scores: Vec<_> = self.files.iter().filter_map(|file| file.score).collect();
-        let mean = |of: fn(&ScoreFigures) -> Option<f64>| -> Option<f64> {
-            let sum: f64 = scores.iter().map(of).sum::<Option<f64>>()?;
-            (!scores.is_empty()).then(|| sum / scores.len() as f64)
-        };
-        Some(ScoreFigures {
-            total_deg: mean(|score| score.total_deg),
-            heading_deg: mean(|score| score.heading_deg),
-            inclination_deg: mean(|score| Some(score.inclination_deg))?,
-            samples: scores.iter().map(|score| score.samples).sum(),
-        })
-    }
-
-    /// Notes on recordings that lack a magnetometer, or the reference that a score needs.
-    pub fn notes(&self, mode: Mode, scored: bool) -> Vec<String> {
-        let mut notes = Vec::new();
-        for FileFigures { file, .. } in self
-            .files
-            .iter()
-            .filter(|file| mode == Mode::NineD && file.magnetometer_samples == 0)
-        {
-            notes.push(format!("{file} has no magnetometer: its heading drifts"));
-        }
-        for FileFigures { file, .. } in self
-            .files
-            .iter()
-            .filter(|file| scored && file.score.is_none())
-        {
-            notes.push(format!("{file} has no reference in motion: no score"));
-        }
-        notes
-    }
-
-    /// Where estimates were written.
-    pub fn written(&self) -> impl Iterator<Item = &str> {
-        self.files.iter().filter_map(|file| file.out.as_deref())
-    }
-
-    /// A line for each recording that has a score, and for their mean.
-    pub fn text(&self) -> String {
-        let mut text = String::new();
-        let mut line = |name: &str, score: &ScoreFigures| {
-            let part = |name: &str, value: Option<f64>| {
-                value.map_or(String::new(), |value| format!("{name} {value:.3}  "))
-            };
-            // Writing to a string does not fail.
-            let _ = writeln!(
-                text,
-                "{name}: {}{}inclination {:.3} deg RMSE over {} samples",
-                part("total", score.total_deg),
-                part("heading", score.heading_deg),
-                score.inclination_deg,
-                score.samples
-            );
-        };
-        let mut scored = 0;
-        for file in &self.files {
-            if let Some(score) = &file.score {
-                line(&file.file, score);
-                scored += 1;
-            }
-        }
-        if let Some(mean) = &self.mean
-            && scored > 1
-        {
-            line(&format!("mean of {scored}"), mean);
-        }
-        text
-    }
+/// Notes on recordings that lack a magnetometer, or the reference that a score needs.
+pub fn notes(mode: Mode, scored: bool, recordings: &[Recording]) -> Vec<String> {
+    let note = |recording: &Recording| {
+        let file = &recording.file;
+        let no_field = mode == Mode::NineD && recording.magnetometer_samples == 0;
+        let no_score = scored && recording.score.is_none();
+        [
+            no_field.then(|| format!("{file} has no magnetometer: its heading drifts")),
+            no_score.then(|| format!("{file} has no reference in motion: no score")),
+        ]
+    };
+    recordings.iter().flat_map(note).flatten().collect()
 }
 
 #[cfg(test)]
@@ -158,54 +110,62 @@ mod tests {
     use super::*;
     use recordings::{FilterName, Scalar};
 
-    fn figures(mode: Mode, inclinations: &[Option<f64>]) -> Figures {
+    fn recordings(inclinations: &[Option<f64>]) -> Vec<Recording> {
+        let recording = |inclination: &Option<f64>| Recording {
+            file: "walk".into(),
+            out: None,
+            samples: 20,
+            magnetometer_samples: 0,
+            score: inclination.map(|inclination_deg| Score {
+                total_deg: 3.0 * inclination_deg,
+                heading_deg: 2.0 * inclination_deg,
+                inclination_deg,
+                samples: 10,
+            }),
+        };
+        inclinations.iter().map(recording).collect()
+    }
+
+    fn found(mode: Mode, inclinations: &[Option<f64>]) -> (serde_json::Value, String) {
         let choice = Choice {
             filter: FilterName::Vqf,
             scalar: Scalar::F32,
             mode,
             settings: Vec::new(),
         };
-        let mut figures = Figures::new(&choice, false);
-        for inclination in inclinations {
-            let score = inclination.map(|inclination_deg| ScoreFigures {
-                total_deg: Some(3.0 * inclination_deg),
-                heading_deg: Some(2.0 * inclination_deg),
-                inclination_deg,
-                samples: 10,
-            });
-            let file = FileFigures {
-                file: "walk".into(),
-                out: None,
-                samples: 20,
-                magnetometer_samples: 0,
-                score,
-            };
-            figures.add(mode, file);
-        }
-        figures
+        let figures = figures(&choice, false, &recordings(inclinations));
+        (serde_json::json!(figures), figures.text())
     }
 
     #[test]
     fn the_mean_is_of_recordings_and_leaves_out_those_without_a_score() {
-        let mean = figures(Mode::NineD, &[Some(1.0), None, Some(2.0)])
-            .mean
-            .unwrap();
-        assert_eq!((mean.total_deg, mean.inclination_deg), (Some(4.5), 1.5));
-        assert_eq!(figures(Mode::NineD, &[None]).mean, None);
+        let (object, text) = found(Mode::NineD, &[None, Some(1.0), Some(2.0)]);
+        assert_eq!(object["mean"]["total_deg"], 4.5);
+        assert_eq!(object["mean"]["inclination_deg"], 1.5);
+        assert!(object["files"][0]["score"].is_null());
+        assert!(
+            text.contains("mean total") && text.matches("walk").count() == 2,
+            "{text}"
+        );
+        let (object, text) = found(Mode::NineD, &[None]);
+        assert!(object["mean"].is_null() && text.is_empty(), "{text}");
     }
 
     #[test]
     fn without_a_magnetometer_only_the_inclination_is_given() {
-        let figures = figures(Mode::SixD, &[Some(1.0), Some(2.0)]);
-        let mean = figures.mean.unwrap();
-        assert_eq!((mean.total_deg, mean.inclination_deg), (None, 1.5));
-        assert!(!figures.text().contains("total") && figures.text().contains("mean of 2"));
-        assert!(figures.notes(Mode::SixD, true).is_empty());
+        let (object, text) = found(Mode::SixD, &[Some(1.0), Some(2.0)]);
+        assert!(object["mean"]["total_deg"].is_null());
+        assert_eq!(object["mean"]["inclination_deg"], 1.5);
+        assert!(
+            !text.contains("mean total") && text.contains("mean inclination"),
+            "{text}"
+        );
+        assert!(notes(Mode::SixD, true, &recordings(&[Some(1.0)])).is_empty());
     }
 
     #[test]
     fn what_is_missing_is_noted() {
-        let notes = figures(Mode::NineD, &[None]).notes(Mode::NineD, true);
+        let notes = notes(Mode::NineD, true, &recordings(&[None]));
         assert!(notes[0].contains("no magnetometer") && notes[1].contains("no reference"));
     }
 }

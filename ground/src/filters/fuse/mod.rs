@@ -13,10 +13,10 @@ use recordings::{
 };
 
 use super::progress::Progress;
-use figures::{Figures, FileFigures};
+use figures::{Recording, figures, notes};
 pub use options::Fuse;
 use report::exit::{BadInput, Verdict};
-use report::file::{WholeFile, print, print_json};
+use report::file::WholeFile;
 
 /// Samples between two reports of progress.
 const STRIDE: u64 = 4096;
@@ -55,27 +55,28 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
     }
 
     let mut progress = Progress::new(bytes);
-    let mut figures = Figures::new(&choice, options.offline);
-    let mut written = Vec::new();
+    let (mut recordings, mut written) = (Vec::new(), Vec::new());
     for (mut source, estimator, place) in jobs {
         let out = place.as_deref().map(WholeFile::create).transpose()?;
         let outcome = estimator.run(&mut source, Outcome::new(out)?, &mut progress)?;
         progress.part_done(source.bytes());
-        figures.add(options.mode, outcome.at(source.name(), place.as_deref()));
+        recordings.push(outcome.at(source.name(), place.as_deref()));
         written.extend(outcome.out);
     }
     progress.end();
     written.into_iter().try_for_each(WholeFile::keep)?;
 
-    for note in figures.notes(options.mode, options.score || options.json) {
+    let scored = options.score || options.json;
+    for note in notes(options.mode, scored, &recordings) {
         eprintln!("{note}");
     }
-    if options.json {
-        print_json(&figures)?;
-    } else if options.score {
-        print(figures.text())?;
+    if scored {
+        figures(&choice, options.offline, &recordings).conclude(options.json, None)?;
     }
-    for path in figures.written() {
+    for path in recordings
+        .iter()
+        .filter_map(|recording| recording.out.as_ref())
+    {
         eprintln!("estimates: {path}");
     }
     Ok(Verdict::Met)
@@ -162,13 +163,13 @@ impl Outcome {
         Ok(())
     }
 
-    fn at(&self, name: &str, place: Option<&Path>) -> FileFigures {
-        FileFigures {
+    fn at(&self, name: &str, place: Option<&Path>) -> Recording {
+        Recording {
             file: name.to_owned(),
             out: place.map(|path| path.display().to_string()),
             samples: self.samples,
             magnetometer_samples: self.magnetometer_samples,
-            score: self.scorer.score().map(Into::into),
+            score: self.scorer.score(),
         }
     }
 }

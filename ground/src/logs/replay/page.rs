@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::Result;
 use maud::html;
 
-use super::{Figures, Pair, words};
+use super::{Comparison, Pair};
 use crate::logs::log::Step;
 use report::page::{figure, page};
 use report::plot::{Line, Plot};
@@ -13,7 +13,7 @@ use report::plot::{Line, Plot};
 /// The whole page.
 pub fn render(
     log: &Path,
-    figures: &Figures,
+    found: &Comparison,
     pairs: &[Pair],
     other: Option<&[(f64, f64)]>,
 ) -> Result<String> {
@@ -39,7 +39,8 @@ pub fn render(
     let plot = |y, lines| Plot::new("time, s", y, lines);
     let pulse = both(|step| f64::from(step.pulses_us[0]));
     let body = html! {
-        @for line in words(figures) { p { (line) } }
+        (found.figures().lines().markup())
+        @for why in &found.refused { p { (why) } }
         h2 { "Pitch" }
         (figure("Pitch as the vehicle told it and as its library gives it here.", plot("pitch, deg", pitch).svg()?))
         h2 { "Pulse" }

@@ -189,7 +189,7 @@ fn behind_a_gap_steps_are_compared_again_within_a_second() {
     for (gap, begin) in figures.gaps_s.iter().zip(&begins[1..]) {
         assert!((0.0..1.1).contains(&(begin - gap)), "{figures:?}");
     }
-    let words = words(&figures).join("\n");
+    let words = figures.figures().text();
     for [from, to] in &figures.compared_s {
         let stretch = format!("{from:.3} to {to:.3} s");
         assert!(words.contains(&stretch), "{stretch}: {words}");

@@ -18,7 +18,7 @@ use client::state::is_in_operation;
 use indicatif::ProgressBar;
 use maud::html;
 use rig::{Rig, RigConfig};
-use row::{Outcome, Row};
+use row::Row;
 use session::Session;
 use target::{Board, OnRig, Target};
 
@@ -27,10 +27,9 @@ use crate::image::ImageOption;
 use crate::vehicle::calibrate::keyboard::is_attended;
 use crate::vehicle::port::PortOptions;
 use report::exit::{BadInput, Verdict};
-use report::file::{hand_over, print_figures};
 use report::kind;
+use report::measure::{Figures, figure, rows};
 use report::page::{page, verdict};
-use report::table::Table;
 
 /// Options of `tvc bringup`.
 #[derive(Debug, Args)]
@@ -93,42 +92,29 @@ pub fn run(options: &Bringup) -> Result<Verdict> {
         Box::new(Board::open(options.port.port.as_deref())?)
     };
     let hands = !options.no_hands && !options.rig && is_attended();
-    let rows = examine(target.as_mut(), hands)?;
-    let table = Table::new(
-        ["check", "expected", "found", "result"],
-        rows.iter().map(|row| {
-            let result = row.result.name().to_owned();
-            vec![
-                row.check.to_owned(),
-                row.expected.clone(),
-                row.found.clone(),
-                result,
-            ]
-        }),
-    );
-    let met = rows
-        .iter()
-        .all(|row| matches!(row.result, Outcome::Pass | Outcome::Skipped));
-    let advice: Vec<String> = rows
-        .iter()
-        .filter(|row| matches!(row.result, Outcome::Differ | Outcome::Fail))
+    let found = examine(target.as_mut(), hands)?;
+    let met = !found.iter().any(Row::is_missed);
+    let missed = found.iter().filter(|row| row.is_missed());
+    let advice: Vec<String> = missed
         .map(|row| format!("{}: {}", row.check, row.meaning))
         .collect();
-    let figures = serde_json::json!({ "rows": rows, "met": met });
-    let printed = print_figures(&figures, options.json, |_| table.text());
-    for line in &advice {
-        eprintln!("{line}");
-    }
+    let figures = Figures::from([
+        rows("rows", found.iter().map(Row::figures)),
+        figure("met", met),
+    ]);
     let page = options.report.as_deref().map(|path| {
         let body = html! {
             (verdict(met, if met { "Nothing differs." } else { "Something differs." }))
-            (table.markup())
+            (figures.table("rows").markup())
             @for line in &advice { p { (line) } }
         };
         (path, page("The first hour with a board", body))
     });
-    hand_over(printed, page, &[])?;
-    Ok(Verdict::of(met))
+    let concluded = figures.conclude(options.json, page);
+    for line in &advice {
+        eprintln!("{line}");
+    }
+    concluded.map(|_| Verdict::of(met))
 }
 
 /// All rows, in the order of the first hour.

@@ -3,11 +3,10 @@
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 
-use serde::Serialize;
+use report::measure::{Figure, figure};
 
 /// How a check ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// As on the rig.
     Pass,
@@ -19,20 +18,8 @@ pub enum Outcome {
     Skipped,
 }
 
-impl Outcome {
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Pass => "pass",
-            Self::Differ => "differ",
-            Self::Fail => "fail",
-            Self::Skipped => "skipped",
-        }
-    }
-}
-
 /// A check.
-#[derive(Debug, Serialize)]
+#[derive(Debug)]
 pub struct Row {
     /// What was looked at.
     pub check: &'static str,
@@ -44,6 +31,30 @@ pub struct Row {
     pub result: Outcome,
     /// What a difference means, and what to do.
     pub meaning: &'static str,
+}
+
+impl Row {
+    /// Whether the board is not as it should be.
+    pub fn is_missed(&self) -> bool {
+        matches!(self.result, Outcome::Differ | Outcome::Fail)
+    }
+
+    /// The row of the table.
+    pub fn figures(&self) -> [Figure; 5] {
+        let result = match self.result {
+            Outcome::Pass => "pass",
+            Outcome::Differ => "differ",
+            Outcome::Fail => "fail",
+            Outcome::Skipped => "skipped",
+        };
+        [
+            figure("check", self.check).shown("check", "", 0),
+            figure("expected", &*self.expected).shown("expected", "", 0),
+            figure("found", &*self.found).shown("found", "", 0),
+            figure("result", result).shown("result", "", 0),
+            figure("meaning", self.meaning),
+        ]
+    }
 }
 
 /// A check before its result.

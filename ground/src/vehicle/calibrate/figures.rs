@@ -1,179 +1,136 @@
 //! The figures of `tvc calibrate`.
 
+use std::collections::BTreeMap;
+
 use calibration::{Found, Readings, STANDARD_GRAVITY};
-use nalgebra::Matrix3;
-use serde::Serialize;
-
 use client::Parameter;
+use nalgebra::{Matrix3, Vector3};
+use report::measure::{Figure, Figures, Value, data, figure, rows, shown};
 
-/// Everything that `tvc calibrate --json` prints, as one object.
-#[derive(Debug, Serialize)]
-pub struct Figures {
-    /// Number of samples.
-    pub samples: usize,
-    gyr: Option<Gyr>,
-    acc: Option<Acc>,
-    mag: Option<Mag>,
+/// What was found, and the parameters that come of it.
+pub fn figures(
+    readings: &Readings,
+    found: &Found,
     declination_deg: Option<f64>,
-    mount_deg: Option<[f64; 2]>,
-    /// The matrix that makes the gyroscope agree with the accelerometer; below, with the
-    /// magnetometer.
-    gyr_by_acc: Option<[[f64; 3]; 3]>,
-    gyr_by_mag: Option<[[f64; 3]; 3]>,
-    parameters: serde_json::Map<String, serde_json::Value>,
-    /// Why something could not be calibrated.
-    pub refused: Vec<String>,
-    /// Whether the vehicle has the parameters in its flash.
-    pub written: bool,
-}
-
-#[derive(Debug, Serialize)]
-struct Gyr {
-    offset_deg_s: [f64; 3],
-    noise_deg_s: [f64; 3],
-    rest_s: f64,
-    /// Rate that the uncalibrated sensor reads at rest.
-    before_deg_s: f64,
-}
-
-#[derive(Debug, Serialize)]
-struct Acc {
-    offset_mg: [f64; 3],
-    scale: [f64; 3],
-    residual_mg: f64,
-    /// Deviation of the uncalibrated poses from gravity, rms.
-    before_mg: f64,
-    poses: usize,
-}
-
-#[derive(Debug, Serialize)]
-struct Mag {
-    offset_ut: [f64; 3],
-    matrix: [[f64; 3]; 3],
-    strength_ut: f64,
-    residual_ut: f64,
-    /// Standard deviation of the uncalibrated strength.
-    before_ut: f64,
-    coverage_pct: f64,
-    used: usize,
-    outliers: usize,
-    dip_deg: Option<f64>,
-    dip_deviation_deg: Option<f64>,
-}
-
-impl Figures {
-    /// Out of what was found.
-    pub fn new(
-        readings: &Readings,
-        found: &Found,
-        declination_deg: Option<f64>,
-        rows: &[Parameter],
-    ) -> Self {
+    parameters: &[Parameter],
+) -> Figures {
+    let gyr = found.rest.map(|rest| {
+        let before = rest.bias.norm().to_degrees();
+        let offset = rest.bias.map(f64::to_degrees);
+        let noise = rest.noise.map(f64::to_degrees);
+        [
+            vector("offset_deg_s", offset).said("gyroscope offset, deg/s", words(&offset, 3)),
+            vector("noise_deg_s", noise),
+            figure("rest_s", rest.seconds).shown("  out of a rest of", "s", 1),
+            change("before_deg_s", "  rate at rest", [before, 0.0], "deg/s", 3),
+        ]
+    });
+    let acc = found.poses.map(|poses| {
         let mg = 1000.0 / STANDARD_GRAVITY;
-        Self {
-            samples: readings.samples.len(),
-            gyr: found.rest.map(|rest| Gyr {
-                offset_deg_s: rest.bias.map(f64::to_degrees).into(),
-                noise_deg_s: rest.noise.map(f64::to_degrees).into(),
-                rest_s: rest.seconds,
-                before_deg_s: rest.bias.norm().to_degrees(),
-            }),
-            acc: found.poses.map(|poses| Acc {
-                offset_mg: (poses.correction.offset * mg).into(),
-                scale: poses.correction.matrix.diagonal().into(),
-                residual_mg: poses.residual * mg,
-                before_mg: poses.before * mg,
-                poses: poses.count,
-            }),
-            mag: found.ellipsoid.map(|ellipsoid| Mag {
-                offset_ut: ellipsoid.correction.offset.into(),
-                matrix: by_rows(&ellipsoid.correction.matrix),
-                strength_ut: ellipsoid.strength,
-                residual_ut: ellipsoid.residual,
-                before_ut: readings.field_spread_ut(),
-                coverage_pct: ellipsoid.coverage.share() * 100.0,
-                used: ellipsoid.used,
-                outliers: ellipsoid.outliers,
-                dip_deg: found.dip.map(|(dip, _)| dip.to_degrees()),
-                dip_deviation_deg: found.dip.map(|(_, deviation)| deviation.to_degrees()),
-            }),
-            declination_deg,
-            mount_deg: found
-                .mount
-                .map(|(roll, pitch)| [roll.to_degrees(), pitch.to_degrees()]),
-            gyr_by_acc: found.by_gravity.as_ref().map(by_rows),
-            gyr_by_mag: found.by_field.as_ref().map(by_rows),
-            parameters: rows
-                .iter()
-                .map(|row| (row.name.clone(), row.value.into()))
-                .collect(),
-            refused: found.refused.clone(),
-            written: false,
-        }
-    }
-
-    /// Name and value of every figure, for people.
-    pub fn lines(&self) -> Vec<[String; 2]> {
-        let vector = |v: &[f64; 3], digits: usize| {
-            let parts = v.map(|part| match format!("{part:.digits$}") {
-                // A rounded zero has no sign.
-                zero if zero.parse() == Ok(0.0) => format!("{:.digits$}", 0.0),
-                number => number,
-            });
-            parts.join("  ")
-        };
-        let mut lines = Vec::new();
-        let mut line = |name: &str, value: String| lines.push([name.to_owned(), value]);
-        if let Some(gyr) = &self.gyr {
-            line("gyroscope offset, deg/s", vector(&gyr.offset_deg_s, 3));
-            line("  out of a rest of, s", format!("{:.1}", gyr.rest_s));
-            line("  rate at rest", change(gyr.before_deg_s, 0.0, "deg/s", 3));
-        }
-        if let Some(acc) = &self.acc {
-            line("accelerometer offset, mg", vector(&acc.offset_mg, 1));
-            line("  scale", vector(&acc.scale, 4));
-            line(
-                "  off gravity, rms",
-                change(acc.before_mg, acc.residual_mg, "mg", 1),
-            );
-            line("  poses", acc.poses.to_string());
-        }
-        if let Some(mag) = &self.mag {
-            line("hard iron, uT", vector(&mag.offset_ut, 1));
-            for (axis, row) in ["x", "y", "z"].iter().zip(&mag.matrix) {
-                line(&format!("  soft iron undone, {axis}"), vector(row, 3));
+        let scale = poses.correction.matrix.diagonal();
+        let offset = poses.correction.offset * mg;
+        let [before, after] = [poses.before * mg, poses.residual * mg];
+        [
+            vector("offset_mg", offset).said("accelerometer offset, mg", words(&offset, 1)),
+            vector("scale", scale).said("  scale", words(&scale, 4)),
+            figure("residual_mg", after),
+            change("before_mg", "  off gravity, rms", [before, after], "mg", 1),
+            figure("poses", poses.count).shown("  poses", "", 0),
+        ]
+    });
+    let mag = found.ellipsoid.map(|ellipsoid| {
+        let offset = ellipsoid.correction.offset;
+        let [before, after] = [readings.field_spread_ut(), ellipsoid.residual];
+        let soft_iron = ellipsoid.correction.matrix;
+        let row =
+            |(axis, row): (usize, _)| shown(["  soft iron undone, x", "  y", "  z"][axis], row);
+        let soft_iron_rows = soft_iron.row_iter().map(|row| words(&row.transpose(), 3));
+        let (dip, off) = found
+            .dip
+            .map(|(dip, off)| (dip.to_degrees(), off.to_degrees()))
+            .unzip();
+        let dip_figure = figure("dip_deg", dip);
+        let mut figures = vec![
+            vector("offset_ut", offset).said("hard iron, uT", words(&offset, 1)),
+            data("matrix", &by_rows(&soft_iron)),
+        ];
+        figures.extend(soft_iron_rows.enumerate().map(row));
+        figures.extend([
+            figure("strength_ut", ellipsoid.strength).shown("  strength", "uT", 1),
+            figure("residual_ut", after),
+            change("before_ut", "  varies by, rms", [before, after], "uT", 2),
+            figure("coverage_pct", 100.0 * ellipsoid.coverage.share()).shown(
+                "  directions seen",
+                "%",
+                0,
+            ),
+            figure("used", ellipsoid.used),
+            figure("outliers", ellipsoid.outliers),
+            match dip.zip(off) {
+                Some((dip, off)) => dip_figure.said("  dip, deg", format!("{dip:.1}, to {off:.1}")),
+                None => dip_figure,
+            },
+            figure("dip_deviation_deg", off),
+        ]);
+        figures
+    });
+    let mount = found
+        .mount
+        .map(|(roll, pitch)| [roll, pitch].map(f64::to_degrees));
+    let mount_deg = data("mount_deg", &mount);
+    Figures::from([
+        figure("samples", readings.samples.len()),
+        figure("gyr", gyr),
+        figure("acc", acc),
+        figure("mag", mag),
+        match mount {
+            Some([roll, pitch]) => {
+                mount_deg.said("mount roll, pitch, deg", format!("{roll:.2}  {pitch:.2}"))
             }
-            line("  strength, uT", format!("{:.1}", mag.strength_ut));
-            line(
-                "  varies by, rms",
-                change(mag.before_ut, mag.residual_ut, "uT", 2),
-            );
-            line("  directions seen", format!("{:.0} %", mag.coverage_pct));
-            if let (Some(dip), Some(off)) = (mag.dip_deg, mag.dip_deviation_deg) {
-                line("  dip, deg", format!("{dip:.1}, to {off:.1}"));
-            }
-        }
-        if let Some([roll, pitch]) = self.mount_deg {
-            line("mount roll, pitch, deg", format!("{roll:.2}  {pitch:.2}"));
-        }
-        if let Some(deg) = self.declination_deg {
-            line("declination, deg", format!("{deg:.2}"));
-        }
-        lines
-    }
+            None => mount_deg,
+        },
+        figure("declination_deg", declination_deg)
+            .shown("declination", "deg", 2)
+            .or(""),
+        data("gyr_by_acc", &found.by_gravity.as_ref().map(by_rows)),
+        data("gyr_by_mag", &found.by_field.as_ref().map(by_rows)),
+        named(parameters),
+        rows(
+            "refused",
+            found.refused.iter().map(|why| Value::from(&**why)),
+        ),
+    ])
+}
 
-    /// The same as text, a line for each.
-    pub fn text(&self) -> String {
-        self.lines()
-            .iter()
-            .map(|[name, value]| format!("{name:<26} {value}\n"))
-            .collect()
-    }
+/// Parameters by their names.
+pub fn named(parameters: &[Parameter]) -> Figure {
+    let named = parameters.iter().map(|row| (&row.name, row.value));
+    data("parameters", &named.collect::<BTreeMap<_, _>>())
+}
+
+fn vector(key: &'static str, vector: Vector3<f64>) -> Figure {
+    data(key, &<[f64; 3]>::from(vector))
+}
+
+fn words(vector: &Vector3<f64>, digits: usize) -> String {
+    let parts = vector.iter().map(|part| match format!("{part:.digits$}") {
+        // A rounded zero has no sign.
+        zero if zero.parse() == Ok(0.0) => format!("{:.digits$}", 0.0),
+        number => number,
+    });
+    parts.collect::<Vec<_>>().join("  ")
 }
 
 /// A figure before and after.
-fn change(before: f64, after: f64, unit: &str, digits: usize) -> String {
-    format!("{before:.digits$} -> {after:.digits$} {unit}")
+fn change(
+    key: &'static str,
+    label: &str,
+    [before, after]: [f64; 2],
+    unit: &str,
+    digits: usize,
+) -> Figure {
+    let words = format!("{before:.digits$} -> {after:.digits$} {unit}");
+    figure(key, before).said(label, words)
 }
 
 fn by_rows(matrix: &Matrix3<f64>) -> [[f64; 3]; 3] {

@@ -10,7 +10,6 @@ use calibration::{Found, Sensor, fit, rest, stillness};
 use client::request;
 use nalgebra::Vector3;
 
-use super::figures::Figures;
 use super::options::{Calibrate, Files, place};
 use super::outcome::Outcome;
 use super::person::{Ending, Question};
@@ -19,6 +18,7 @@ use super::{declination, readings};
 use crate::logs::log::Writer;
 use report::exit::Verdict;
 use report::file::{print_json, write_whole};
+use report::measure::{Figures, figure};
 
 /// Length of the tombstone test, s.
 const REST_S: f64 = 10.0;
@@ -49,17 +49,17 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     let files = Files::of(options)?;
     let mut session = Session::connect(options)?;
     let (figures, ending, written) = calibrate(&mut session, options, &files)?;
-    if figures.refused.is_empty() {
+    if !ending.refused {
         eprintln!("{}", ending.words);
     }
-    if figures.written && !session.is_polarity_checked()? {
+    if ending.met && !session.is_polarity_checked()? {
         eprintln!("next: tvc calibrate servo, then polarity, without which nothing is armed");
     }
     if options.port.json {
         print_json(&figures)?;
     }
     written?;
-    Ok(Verdict::of(figures.refused.is_empty()))
+    Ok(Verdict::of(!ending.refused))
 }
 
 /// Leads through the calibration, shows what was found and writes it, if the person agrees; also
@@ -111,16 +111,11 @@ pub fn calibrate(
 }
 
 /// Shows what was found, asks, and writes it into the vehicle.
-fn finish(session: &mut Session, mut outcome: Outcome, files: &Files) -> Result<(Figures, Ending)> {
-    session
-        .person
-        .show(&outcome.figures.lines(), &outcome.figures.text())?;
-    if outcome.is_refused() {
-        let why = outcome.figures.refused.join("; ");
-        return Ok((outcome.figures, Ending::unchanged(why)));
-    }
-    let ending = if let Some(changed) = session.write_if_agreed(&outcome.rows)? {
-        outcome.figures.written = true;
+fn finish(session: &mut Session, outcome: Outcome, files: &Files) -> Result<(Figures, Ending)> {
+    session.person.show(&outcome.figures)?;
+    let ending = if outcome.is_refused() {
+        Ending::refused(outcome.refused.join("; "))
+    } else if let Some(changed) = session.write_if_agreed(&outcome.rows)? {
         // The estimate begins anew with the new calibration; a vehicle that cannot do that yet says
         // so by itself.
         let _ = session.vehicle.command(request::CALIBRATE);
@@ -134,7 +129,8 @@ fn finish(session: &mut Session, mut outcome: Outcome, files: &Files) -> Result<
             files.out.display()
         ))
     };
-    Ok((outcome.figures, ending))
+    let figures = outcome.figures.and(figure("written", ending.met));
+    Ok((figures, ending))
 }
 
 /// Leads through the steps that are wanted, to the first that is refused.

@@ -13,7 +13,6 @@ use client::status::angles;
 use client::{Parameter, StateKind, request};
 use mavlink::dialects::common::MavMessage;
 use nalgebra::Vector3;
-use serde::Serialize;
 use tvc_nano::Params;
 use tvc_nano::telemetry::CRANKS;
 
@@ -23,6 +22,7 @@ use super::session::{Session, UNCHANGED, verdict};
 use crate::vehicle::test::arm;
 use report::exit::Verdict;
 use report::file::print_json;
+use report::measure::{Figures, data, figure};
 
 const NAME: &str = "SRV_HOLD_DEG";
 /// Time from the release until it is measured.
@@ -32,57 +32,17 @@ const STEADY_DEG: f64 = 2.0;
 /// Fewest control steps for a measurement.
 const FEWEST: usize = 100;
 
-/// What `tvc calibrate hold --json` prints.
-#[derive(Debug, Serialize)]
-pub struct Figures {
-    /// Mean servo angle beyond the neutral, deg.
-    crank_deg: f64,
-    /// Pitch, mean and standard deviation, deg.
-    pitch_deg: [f64; 2],
-    before_deg: f32,
-    hold_deg: f32,
-    steps: usize,
-    written: bool,
-    refused: Option<String>,
-}
-
-impl Figures {
-    fn lines(&self) -> Vec<[String; 2]> {
-        let [pitch, deviation] = self.pitch_deg;
-        [
-            ("steps held", self.steps.to_string()),
-            ("pitch, deg", format!("{pitch:.2}, to {deviation:.2}")),
-            ("servo, deg", format!("{:+.2}", self.crank_deg)),
-            (NAME, format!("{} -> {}", self.before_deg, self.hold_deg)),
-        ]
-        .map(|(name, value)| [name.to_owned(), value])
-        .into()
-    }
-
-    fn text(&self) -> String {
-        format!(
-            "held for {} steps at {:.2} deg of pitch, to {:.2} deg, with {:+.2} deg of servo\n{NAME} {} -> {}\n",
-            self.steps,
-            self.pitch_deg[0],
-            self.pitch_deg[1],
-            self.crank_deg,
-            self.before_deg,
-            self.hold_deg
-        )
-    }
-}
-
 /// Measures the vehicle at a port.
 ///
 /// # Errors
 /// The vehicle refuses a command or goes to failsafe, or Ctrl-C was pressed.
 pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
     let mut session = Session::connect(options)?;
-    let (figures, _) = measure(&mut session, seconds)?;
+    let (figures, ending) = measure(&mut session, seconds)?;
     if options.port.json {
         print_json(&figures)?;
     }
-    Ok(verdict(figures.refused.as_deref()))
+    Ok(verdict(&ending))
 }
 
 /// Flies, measures for `seconds`, disarms, and writes the angle, if the person agrees.
@@ -99,31 +59,34 @@ pub fn measure(session: &mut Session, seconds: f64) -> Result<(Figures, Ending)>
     let Some((mean, deviation)) = spread(steps.iter()) else {
         bail!("the vehicle told nothing of its rudder");
     };
-    let mut figures = Figures {
-        crank_deg: mean.x,
-        pitch_deg: [mean.y, deviation.y],
-        before_deg,
-        hold_deg: ((f64::from(before_deg) + mean.x) * 100.0).round() as f32 / 100.0,
-        steps: steps.len(),
-        written: false,
-        refused: None,
+    let hold_deg = ((f64::from(before_deg) + mean.x) * 100.0).round() as f32 / 100.0;
+    let pitch_deg = [mean.y, deviation.y];
+    let refused = refusal(pitch_deg, hold_deg, steps.len(), set_deg);
+    let pitch = format!("{:.2}, to {:.2}", mean.y, deviation.y);
+    let figures = |written| {
+        Figures::from([
+            figure("crank_deg", mean.x).said("servo, deg", format!("{:+.2}", mean.x)),
+            data("pitch_deg", &pitch_deg).said("pitch, deg", &*pitch),
+            data("before_deg", &before_deg),
+            data("hold_deg", &hold_deg).said(NAME, format!("{before_deg} -> {hold_deg}")),
+            figure("steps", steps.len()).shown("steps held", "", 0),
+            figure("written", written),
+            figure("refused", refused.clone()),
+        ])
     };
-    figures.refused = refusal(&figures, set_deg);
-    session.person.show(&figures.lines(), &figures.text())?;
-    if let Some(why) = &figures.refused {
-        let ending = Ending::unchanged(why.clone());
-        return Ok((figures, ending));
+    session.person.show(&figures(false))?;
+    if let Some(why) = &refused {
+        return Ok((figures(false), Ending::refused(why)));
     }
     let row = Parameter {
         name: NAME.into(),
-        value: figures.hold_deg,
+        value: hold_deg,
     };
-    figures.written = session.write_if_agreed(&[row])?.is_some();
-    let ending = match figures.written {
-        true => Ending::met(format!("{NAME} is {} in the flash", figures.hold_deg)),
-        false => Ending::unchanged(UNCHANGED),
+    let ending = match session.write_if_agreed(&[row])? {
+        Some(_) => Ending::met(format!("{NAME} is {hold_deg} in the flash")),
+        None => Ending::unchanged(UNCHANGED),
     };
-    Ok((figures, ending))
+    Ok((figures(ending.met), ending))
 }
 
 /// Arms and releases: servo angle and pitch, deg, of every step after the drone has settled.
@@ -163,20 +126,21 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
 }
 
 /// Why the flight is not a measurement, if it is none.
-fn refusal(figures: &Figures, set_deg: f64) -> Option<String> {
-    let [pitch, deviation] = figures.pitch_deg;
-    if figures.steps < FEWEST {
-        Some(format!(
-            "{} control steps are too few to measure",
-            figures.steps
-        ))
+fn refusal(
+    [pitch, deviation]: [f64; 2],
+    hold_deg: f32,
+    steps: usize,
+    set_deg: f64,
+) -> Option<String> {
+    if steps < FEWEST {
+        Some(format!("{steps} control steps are too few to measure"))
     } else if deviation > STEADY_DEG || (pitch - set_deg).abs() > STEADY_DEG {
         Some(format!(
             "the drone was not held: pitch {pitch:.1} deg, to {deviation:.1} deg, where it was to be {set_deg:.1} deg"
         ))
     } else {
-        let taken = Params::default().set(NAME, figures.hold_deg).err();
-        taken.map(|why| format!("{why}, not {}: move the mass", figures.hold_deg))
+        let taken = Params::default().set(NAME, hold_deg).err();
+        taken.map(|why| format!("{why}, not {hold_deg}: move the mass"))
     }
 }
 
@@ -186,23 +150,14 @@ mod tests {
 
     #[test]
     fn only_a_drone_that_was_held_says_where_its_mass_is() {
-        let figures = |pitch, deviation, hold_deg, steps| Figures {
-            crank_deg: 0.0,
-            pitch_deg: [pitch, deviation],
-            before_deg: 0.0,
-            hold_deg,
-            steps,
-            written: false,
-            refused: None,
-        };
-        assert_eq!(refusal(&figures(0.3, 0.2, 2.3, 900), 0.0), None);
-        for (bad, part) in [
-            (figures(0.3, 0.2, 2.3, 20), "too few"),
-            (figures(4.0, 0.2, 2.3, 900), "not held"),
-            (figures(0.3, 3.0, 2.3, 900), "not held"),
-            (figures(0.3, 0.2, 11.0, 900), "move the mass"),
+        assert_eq!(refusal([0.3, 0.2], 2.3, 900, 0.0), None);
+        for (pitch_deg, hold_deg, steps, part) in [
+            ([0.3, 0.2], 2.3, 20, "too few"),
+            ([4.0, 0.2], 2.3, 900, "not held"),
+            ([0.3, 3.0], 2.3, 900, "not held"),
+            ([0.3, 0.2], 11.0, 900, "move the mass"),
         ] {
-            let why = refusal(&bad, 0.0).unwrap();
+            let why = refusal(pitch_deg, hold_deg, steps, 0.0).unwrap();
             assert!(why.contains(part), "{why}");
         }
     }

@@ -22,8 +22,7 @@ use anyhow::Result;
 use calibration::fit;
 
 use ::report::exit::Verdict;
-use ::report::file::print_figures;
-use figures::Figures;
+use ::report::measure::figure;
 pub use options::{Calibrate, place};
 use options::{Files, SetUp};
 use outcome::Outcome;
@@ -44,10 +43,12 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
             let readings = readings::read(log)?;
             let found = fit::fit(&readings, &options.wanted());
             let outcome = Outcome::of(log, &readings, &found, declination_deg)?;
-            let printed = print_figures(&outcome.figures, options.port.json, Figures::text);
+            let refused = outcome.is_refused();
             let written = outcome.write(&files, &mut |words| eprintln!("{words}"));
-            printed.and(written)?;
-            Ok(Verdict::of(!outcome.is_refused()))
+            let figures = outcome.figures.and(figure("written", false));
+            figures.conclude(options.port.json, None)?;
+            written?;
+            Ok(Verdict::of(!refused))
         }
     }
 }

@@ -7,11 +7,12 @@ use calibration::{Found, Readings};
 use nalgebra::Vector3;
 use tvc_nano::Params;
 
-use super::figures::Figures;
+use super::figures::figures;
 use super::options::Files;
 use super::report;
 use crate::param_file;
 use ::report::file::write_whole;
+use ::report::measure::Figures;
 use client::Parameter;
 
 /// Parameters and figures of a calibration.
@@ -20,6 +21,8 @@ pub struct Outcome {
     pub rows: Vec<Parameter>,
     /// The same and more for people and scripts.
     pub figures: Figures,
+    /// Why something could not be calibrated.
+    pub refused: Vec<String>,
     page: String,
 }
 
@@ -35,11 +38,12 @@ impl Outcome {
         declination_deg: Option<f64>,
     ) -> Result<Self> {
         let rows = parameters(found, declination_deg)?;
-        let figures = Figures::new(readings, found, declination_deg, &rows);
+        let figures = figures(readings, found, declination_deg, &rows);
         let page = report::page(log, readings, found, &figures)?;
         Ok(Self {
             rows,
             figures,
+            refused: found.refused.clone(),
             page,
         })
     }
@@ -60,7 +64,7 @@ impl Outcome {
             true => Ok(()),
             false => write("parameters", &files.out, &param_file::text(&self.rows)),
         };
-        for why in &self.figures.refused {
+        for why in &self.refused {
             tell(&format!("refused: {why}"));
         }
         page.and(rows)
@@ -68,7 +72,7 @@ impl Outcome {
 
     /// Whether something that was asked for could not be calibrated.
     pub fn is_refused(&self) -> bool {
-        !self.figures.refused.is_empty()
+        !self.refused.is_empty()
     }
 }
 

@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 use calibration::coverage::Coverage;
+use report::measure::Figures;
 
 use super::keyboard::Typed;
 
@@ -22,11 +23,11 @@ pub trait Person {
     /// Hides the progress.
     fn rest(&mut self);
 
-    /// Shows what was found: names and values, and the same as a text.
+    /// Shows what was found.
     ///
     /// # Errors
     /// It cannot be written.
-    fn show(&mut self, rows: &[[String; 2]], text: &str) -> Result<()>;
+    fn show(&mut self, figures: &Figures) -> Result<()>;
 
     /// Asks; [`Self::poll`] has the answer later.
     fn ask(&mut self, question: &Question<'_>);
@@ -55,16 +56,27 @@ pub struct Question<'a> {
 pub struct Ending {
     /// The vehicle has what the step is for.
     pub met: bool,
+    /// What the vehicle or its flight tells speaks against it.
+    pub refused: bool,
     /// What has become of it.
     pub words: String,
 }
 
 impl Ending {
-    /// The step was refused, or the person did not agree: the vehicle is as it was.
+    /// The person did not agree: the vehicle is as it was.
     pub fn unchanged(words: impl Into<String>) -> Self {
         Self {
             met: false,
+            refused: false,
             words: words.into(),
+        }
+    }
+
+    /// The step was refused: the vehicle is as it was.
+    pub fn refused(words: impl Into<String>) -> Self {
+        Self {
+            refused: true,
+            ..Self::unchanged(words)
         }
     }
 
@@ -72,7 +84,7 @@ impl Ending {
     pub fn met(words: impl Into<String>) -> Self {
         Self {
             met: true,
-            words: words.into(),
+            ..Self::unchanged(words)
         }
     }
 }

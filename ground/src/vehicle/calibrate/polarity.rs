@@ -6,7 +6,6 @@
 
 use anyhow::{Result, bail};
 use calibration::prompt::{Prompt, Tilt};
-use serde::Serialize;
 
 use super::options::Calibrate;
 use super::person::Ending;
@@ -15,6 +14,7 @@ use super::write::{CHECKED, POLARITY, SECOND_POLARITY, UNCHECKED, WATCHED, write
 use client::Parameter;
 use report::exit::Verdict;
 use report::file::print_json;
+use report::measure::{Figures, figure};
 use tvc_nano::Axis;
 
 /// Least pitch of a tilt, and largest pitch that counts as upright, rad.
@@ -27,61 +27,6 @@ const PATIENCE_S: f64 = 60.0;
 /// Least change of the pulse that a person sees at the rudder, us.
 const LEAST_US: f64 = 40.0;
 
-/// What `tvc calibrate polarity --json` prints.
-#[derive(Debug, Serialize)]
-pub struct Figures {
-    checked: bool,
-    direction: f32,
-    upright_us: u16,
-    nose_up_us: u16,
-    nose_down_us: u16,
-    /// Of the second rudder, where roll is steered.
-    roll: Option<Roll>,
-    refused: Option<String>,
-}
-
-/// The same of the second rudder.
-#[derive(Debug, Serialize)]
-struct Roll {
-    direction: f32,
-    upright_us: u16,
-    right_down_us: u16,
-    left_down_us: u16,
-}
-
-impl Figures {
-    fn lines(&self) -> Vec<[String; 2]> {
-        let mut lines = vec![
-            ("pulse upright, us", self.upright_us),
-            ("  nose up", self.nose_up_us),
-            ("  nose down", self.nose_down_us),
-        ];
-        if let Some(roll) = &self.roll {
-            lines.extend([
-                ("second pulse upright, us", roll.upright_us),
-                ("  right side down", roll.right_down_us),
-                ("  left side down", roll.left_down_us),
-            ]);
-        }
-        let named = |(name, us): (&str, u16)| [name.to_owned(), us.to_string()];
-        lines.into_iter().map(named).collect()
-    }
-
-    fn text(&self) -> String {
-        let mut text = format!(
-            "pulse upright {} us, nose up {} us, nose down {} us\n",
-            self.upright_us, self.nose_up_us, self.nose_down_us
-        );
-        if let Some(roll) = &self.roll {
-            text += &format!(
-                "second pulse upright {} us, right side down {} us, left side down {} us\n",
-                roll.upright_us, roll.right_down_us, roll.left_down_us
-            );
-        }
-        text
-    }
-}
-
 /// How a rudder is looked at.
 struct Look {
     axis: Axis,
@@ -92,6 +37,8 @@ struct Look {
     tilts: [(Tilt, &'static str, &'static str); 2],
     /// What is wrong if the vehicle takes one side for the other.
     mistaken: &'static str,
+    /// Keys and labels of its pulses, upright and tilted to either side.
+    pulses: [(&'static str, &'static str); 3],
 }
 
 /// The looks, by axis.
@@ -114,6 +61,11 @@ const LOOKS_AT: [Look; Axis::COUNT] = [
             ),
         ],
         mistaken: "nose up for nose down",
+        pulses: [
+            ("upright_us", "pulse upright"),
+            ("nose_up_us", "  nose up"),
+            ("nose_down_us", "  nose down"),
+        ],
     },
     Look {
         axis: Axis::Roll,
@@ -133,6 +85,11 @@ const LOOKS_AT: [Look; Axis::COUNT] = [
             ),
         ],
         mistaken: "left for right",
+        pulses: [
+            ("upright_us", "second pulse upright"),
+            ("right_down_us", "  right side down"),
+            ("left_down_us", "  left side down"),
+        ],
     },
 ];
 
@@ -151,13 +108,13 @@ struct Looked {
 pub fn run(options: &Calibrate) -> Result<Verdict> {
     let mut session = Session::connect(options)?;
     let (figures, ending) = check(&mut session)?;
-    if figures.checked {
+    if ending.met {
         session.say(&ending.words);
     }
     if options.port.json {
         print_json(&figures)?;
     }
-    Ok(verdict(figures.refused.as_deref()))
+    Ok(verdict(&ending))
 }
 
 /// Leads through the check of every rudder, and keeps in the vehicle's flash that it was made.
@@ -177,11 +134,10 @@ pub fn check(session: &mut Session) -> Result<(Figures, Ending)> {
     let told = session.done();
     let looked = session.vehicle.leave(looked)?;
     told?;
-    let mut figures = figures(&looked);
-    session.person.show(&figures.lines(), &figures.text())?;
-    if let Some(why) = &figures.refused {
-        let ending = Ending::unchanged(why.clone());
-        return Ok((figures, ending));
+    let refused = looked.iter().find_map(|looked| looked.refused.clone());
+    session.person.show(&figures(&looked, &refused))?;
+    if let Some(why) = &refused {
+        return Ok((figures(&looked, &refused), Ending::refused(why)));
     }
     session.go_on()?;
     let rows = looks().map(|at| Parameter {
@@ -189,32 +145,27 @@ pub fn check(session: &mut Session) -> Result<(Figures, Ending)> {
         value: CHECKED,
     });
     write(&mut session.vehicle, &rows.collect::<Vec<_>>())?;
-    figures.checked = true;
-    Ok((figures, Ending::met("checked: the vehicle may be armed")))
+    let ending = Ending::met("checked: the vehicle may be armed");
+    Ok((figures(&looked, &refused), ending))
 }
 
-fn figures(looked: &[Looked]) -> Figures {
-    let mut figures = Figures {
-        checked: false,
-        direction: 0.0,
-        upright_us: 0,
-        nose_up_us: 0,
-        nose_down_us: 0,
-        roll: None,
-        refused: looked.iter().find_map(|looked| looked.refused.clone()),
-    };
-    if let Some(pitch) = looked.first() {
-        figures.direction = pitch.direction;
-        figures.upright_us = pitch.upright_us;
-        [figures.nose_up_us, figures.nose_down_us] = pitch.tilted_us;
-    }
-    figures.roll = looked.get(1).map(|roll| Roll {
-        direction: roll.direction,
-        upright_us: roll.upright_us,
-        right_down_us: roll.tilted_us[0],
-        left_down_us: roll.tilted_us[1],
+fn figures(looked: &[Looked], refused: &Option<String>) -> Figures {
+    let mut axes = looked.iter().zip(&LOOKS_AT).map(|(looked, at)| {
+        let [up, down] = looked.tilted_us;
+        let pulses = at.pulses.into_iter().zip([looked.upright_us, up, down]);
+        let pulses = pulses.map(|((key, label), us)| figure(key, us).shown(label, "us", 0));
+        [figure("direction", f64::from(looked.direction))]
+            .into_iter()
+            .chain(pulses)
+            .collect()
     });
-    figures
+    let checked = figure("checked", refused.is_none());
+    let pitch: Vec<_> = axes.next().unwrap_or_default();
+    let rest = [
+        figure("roll", axes.next()),
+        figure("refused", refused.clone()),
+    ];
+    Figures::from([checked].into_iter().chain(pitch).chain(rest))
 }
 
 /// Has the vehicle tilted both ways, and asks what the person sees.

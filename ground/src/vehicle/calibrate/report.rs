@@ -8,7 +8,7 @@ use calibration::{Found, Readings};
 use maud::{Markup, PreEscaped, html};
 use nalgebra::Vector3;
 
-use super::figures::Figures;
+use report::measure::Figures;
 use report::page;
 use report::plot::{Line, Look, Marks, Plot, Shape};
 
@@ -22,16 +22,15 @@ const CELL: usize = 44;
 /// # Errors
 /// A plot cannot be drawn.
 pub fn page(log: &Path, readings: &Readings, found: &Found, figures: &Figures) -> Result<String> {
-    let rows: Vec<Vec<String>> = figures.lines().iter().map(|l| l.to_vec()).collect();
     let verdict = if found.refused.is_empty() {
         page::verdict(true, "Every sensor is calibrated.")
     } else {
         html! { @for why in &found.refused { (page::verdict(false, why)) } }
     };
     let mut body = html! {
-        p { (figures.samples) " samples of " (log.display()) }
+        p { (readings.samples.len()) " samples of " (log.display()) }
         (verdict)
-        (page::table(&["", "found"], &rows))
+        (figures.lines().markup())
     };
     let samples = &readings.samples;
     let times: Vec<f64> = samples.iter().map(|m| m.time_s).collect();

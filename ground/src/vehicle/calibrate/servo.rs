@@ -5,15 +5,16 @@ use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use client::{Parameter, request};
-use serde::Serialize;
 use tvc_nano::config::{PULSE_MAX_US, PULSE_MIN_US};
 use tvc_nano::{Axis, Params};
 
+use super::figures::named;
 use super::options::{Calibrate, Servo};
 use super::person::{Ending, Question};
 use super::session::{Session, UNCHANGED};
 use report::exit::{BadInput, Verdict};
 use report::file::print_json;
+use report::measure::{Figures, figure, shown};
 
 /// Time after which a pulse is commanded again; the vehicle holds it for two seconds.
 const AGAIN: Duration = Duration::from_millis(500);
@@ -30,16 +31,6 @@ fn names(axis: Axis) -> [&'static str; 4] {
     }
 }
 
-/// What `tvc calibrate servo --json` prints.
-#[derive(Debug, Serialize)]
-pub struct Figures {
-    parameters: serde_json::Map<String, serde_json::Value>,
-    changed: usize,
-    written: bool,
-    /// Whether the polarity is checked; another direction undoes the check.
-    polarity_checked: bool,
-}
-
 /// Sets up the servo of the vehicle at a port.
 ///
 /// # Errors
@@ -49,13 +40,13 @@ pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     let mut session = Session::connect(options)?;
     let (figures, ending) = set_up(&mut session, given)?;
     eprintln!("{}", ending.words);
-    if figures.written && !figures.polarity_checked {
+    if ending.met && !session.is_polarity_checked()? {
         eprintln!("next: tvc calibrate polarity, without which nothing is armed");
     }
     if options.port.json {
         print_json(&figures)?;
     }
-    Ok(Verdict::of(figures.written))
+    Ok(Verdict::of(ending.met))
 }
 
 /// Asks the person for the values that are not given, and writes all of them if the person agrees.
@@ -67,32 +58,22 @@ pub fn set_up(session: &mut Session, given: &Servo) -> Result<(Figures, Ending)>
     session.vehicle.begin(session.stop);
     let found = find(session, given);
     let rows = session.vehicle.leave(found)?;
-    let mut figures = Figures {
-        parameters: rows
-            .iter()
-            .map(|row| (row.name.clone(), row.value.into()))
-            .collect(),
-        changed: 0,
-        written: false,
-        polarity_checked: false,
-    };
-    let lines: Vec<_> = rows
+    let found = rows
         .iter()
-        .map(|row| [row.name.clone(), row.value.to_string()])
-        .collect();
-    let text = lines
-        .iter()
-        .map(|[name, value]| format!("{name:<16} {value}\n"))
-        .collect::<String>();
-    session.person.show(&lines, &text)?;
-    let ending = match session.write_if_agreed(&rows)? {
-        Some(changed) => {
-            (figures.changed, figures.written) = (changed, true);
-            Ending::met(format!("{changed} parameters changed, in the flash too"))
-        }
+        .map(|row| shown(&row.name, row.value.to_string()));
+    session.person.show(&Figures::from(found))?;
+    let changed = session.write_if_agreed(&rows)?;
+    let ending = match changed {
+        Some(changed) => Ending::met(format!("{changed} parameters changed, in the flash too")),
         None => Ending::unchanged(UNCHANGED),
     };
-    figures.polarity_checked = session.is_polarity_checked()?;
+    let figures = Figures::from([
+        named(&rows),
+        figure("changed", changed.unwrap_or(0)),
+        figure("written", ending.met),
+        // Another direction undoes the check.
+        figure("polarity_checked", session.is_polarity_checked()?),
+    ]);
     Ok((figures, ending))
 }
 

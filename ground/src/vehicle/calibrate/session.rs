@@ -15,7 +15,7 @@ use tvc_nano::Axis;
 
 use super::keyboard::Typed;
 use super::options::Calibrate;
-use super::person::{Person, Question};
+use super::person::{Ending, Person, Question};
 use super::readings;
 use super::terminal::Terminal;
 use super::write::{CHECKED, POLARITY, SECOND_POLARITY, write};
@@ -299,12 +299,9 @@ impl Session {
 pub const UNCHANGED: &str = "the vehicle is as it was";
 
 /// What becomes of the command by how its step has ended: a refusal is said on standard error.
-pub fn verdict(refused: Option<&str>) -> Verdict {
-    match refused {
-        None => Verdict::Met,
-        Some(why) => {
-            eprintln!("refused: {why}");
-            Verdict::Missed
-        }
+pub fn verdict(ending: &Ending) -> Verdict {
+    if ending.refused {
+        eprintln!("refused: {}", ending.words);
     }
+    Verdict::of(!ending.refused)
 }

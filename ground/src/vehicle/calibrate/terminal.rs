@@ -8,6 +8,7 @@ use super::keyboard::{Keyboard, Typed, is_attended};
 use super::person::{Person, Question};
 use super::picture::picture;
 use report::file::print;
+use report::measure::Figures;
 
 /// Width of a line that fits every terminal.
 const LINE: usize = 78;
@@ -62,7 +63,8 @@ impl Person for Terminal {
         self.bar.finish_and_clear();
     }
 
-    fn show(&mut self, _: &[[String; 2]], text: &str) -> Result<()> {
+    fn show(&mut self, figures: &Figures) -> Result<()> {
+        let text = figures.text();
         if self.json {
             eprint!("{text}");
             Ok(())

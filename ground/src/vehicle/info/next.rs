@@ -196,6 +196,7 @@ mod tests {
     fn a_port_in_use_or_a_bootloader_is_not_opened() {
         let port = |bootloader, held_by| PortFound {
             name: "x".into(),
+            life: None,
             nano: true,
             bootloader,
             access: None,

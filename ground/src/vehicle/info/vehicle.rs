@@ -6,7 +6,7 @@ use anyhow::Result;
 use client::status::sick;
 use client::{Failure, Parameter, Request, request};
 use mavlink::dialects::common::{AUTOPILOT_VERSION_DATA, MavMessage, SYS_STATUS_DATA};
-use serde::Serialize;
+use report::measure::{Figure, data, figure};
 use tvc_nano::failsafe::{RefusalKind, StateCode};
 use tvc_nano::params::Polarity;
 use tvc_nano::{Axis, Params};
@@ -30,7 +30,7 @@ const CALIBRATED: [(&str, &str); 5] = [
 pub const SERVO: &str = "servo";
 
 /// The vehicle.
-#[derive(Debug, Default, Serialize)]
+#[derive(Debug, Default)]
 pub struct Told {
     /// Version and build; `None` if it does not tell.
     pub build: Option<String>,
@@ -39,7 +39,6 @@ pub struct Told {
     /// The state of the flight.
     pub state: String,
     /// The same, as the vehicle tells it.
-    #[serde(skip)]
     pub code: Option<StateCode>,
     /// Everything that is enabled is healthy.
     pub healthy: Option<bool>,
@@ -170,44 +169,44 @@ impl Heard {
 }
 
 impl Told {
-    /// For a person, a line each.
-    pub fn lines(&self, mut line: impl FnMut(&str, &str)) {
+    /// A line each.
+    pub fn figures(&self) -> Vec<Figure> {
         let build = self.build.as_deref().unwrap_or("build not told");
         let same = match self.runs_image {
             Some(true) => ": the image above",
             Some(false) => ": not the image above",
             None => "",
         };
-        line("vehicle", &format!("{build}{same}"));
-        line("state", &self.state);
-        line(
-            "sensors",
-            match self.healthy {
-                Some(true) => "healthy",
-                Some(false) => "not healthy",
-                None => "not told",
-            },
-        );
+        let healthy = match self.healthy {
+            Some(true) => "healthy",
+            Some(false) => "not healthy",
+            None => "not told",
+        };
         let list = |names: &[&str]| match names {
             [] => "nothing".to_owned(),
             names => names.join(", "),
         };
-        line("calibrated", &list(&self.calibrated));
-        if !self.uncalibrated.is_empty() {
-            line("default", &list(&self.uncalibrated));
-        }
         let polarity = if self.polarity_checked {
             "seen"
         } else {
             "not seen yet"
         };
-        line("polarity", polarity);
         let arming = match (&self.refusal, self.ready) {
             (Some(refusal), _) => format!("refused: {refusal}"),
             (None, Some(_)) => "would be obeyed".into(),
             (None, None) => "not told".into(),
         };
-        line("arming", &arming);
+        vec![
+            figure("build", self.build.as_deref()).said("vehicle", format!("{build}{same}")),
+            figure("runs_image", self.runs_image),
+            figure("state", &*self.state).shown("state", "", 0),
+            figure("healthy", self.healthy).said("sensors", healthy),
+            data("calibrated", &self.calibrated).said("calibrated", list(&self.calibrated)),
+            data("uncalibrated", &self.uncalibrated).said("default", list(&self.uncalibrated)),
+            figure("polarity_checked", self.polarity_checked).said("polarity", polarity),
+            figure("ready", self.ready).said("arming", arming),
+            figure("refusal", self.refusal.as_deref()),
+        ]
     }
 }
 

@@ -20,6 +20,17 @@ pub enum Life {
     Bootloader,
 }
 
+impl Life {
+    /// What a port is by what runs behind it; empty if it is no Nano's.
+    pub fn words(life: Option<Self>) -> &'static str {
+        match life {
+            Some(Self::Firmware) => "SAMD21 Nano",
+            Some(Self::Bootloader) => "SAMD21 Nano in its bootloader",
+            None => "",
+        }
+    }
+}
+
 /// A Nano that is connected.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Nano {

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use ::report::measure::Figures;
 use anyhow::Result;
 use calibration::coverage::Coverage;
 
@@ -68,8 +69,8 @@ impl Person for Page {
         self.0.lock().change_set_up(|now| now.share = None);
     }
 
-    fn show(&mut self, rows: &[[String; 2]], _: &str) -> Result<()> {
-        let figures = rows.to_vec();
+    fn show(&mut self, figures: &Figures) -> Result<()> {
+        let figures = figures.named();
         self.0.lock().change_set_up(|now| {
             now.instruction.clear();
             now.figures = figures;

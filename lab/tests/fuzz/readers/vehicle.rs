@@ -17,6 +17,7 @@ use ground::vehicle::link::{Link, Vehicle};
 use ground::vehicle::signing::Signing;
 use ground::vehicle::way::Way;
 use ground::vehicle::{bringup, info, monitor, recorder};
+use report::measure::Figures;
 
 /// Bytes that come at a time.
 const AT_A_TIME: usize = 300;
@@ -117,8 +118,8 @@ pub fn asked(bytes: &[u8], number: u64) -> Outcome {
         1 => drop(vehicle.recording()),
         2 => {
             let _ = info::vehicle::ask_it(&mut vehicle, Some("0123abcd")).map(|told| {
-                told.lines(|_, _| ());
-                serde_json::to_string(&told)
+                let figures = Figures::from(told.figures());
+                (figures.text(), serde_json::to_string(&figures))
             });
         }
         3 => drop(vehicle.set_parameter("PID_KP", 1.0)),
