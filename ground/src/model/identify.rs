@@ -16,9 +16,9 @@ use crate::arguments::AxisName;
 use crate::logs::log::{Flight, Release, Step};
 use crate::model::control_law;
 use report::exit::{BadInput, Verdict};
-use report::file::{print_figures, write_whole};
+use report::file::write_whole;
 use report::kind;
-use report::measure::{Figures, figure, rows, shown};
+use report::measure::{Figures, data, figure, rows};
 
 /// Options of `tvc identify`.
 #[derive(Debug, Args)]
@@ -83,7 +83,7 @@ pub fn run(options: &Identify) -> Result<Verdict> {
         IdentifyError::NoFit => anyhow::Error::new(error),
         _ => BadInput::new(format!("{}: {error}", options.log.display())).into(),
     })?;
-    print_figures(&found, options.json, |found| figures(found).text())?;
+    figures(&found).conclude(options.json, None)?;
     if let Some(out) = &options.out {
         write_whole(out, parameter_file(&found, &options.log).as_bytes())?;
         eprintln!("parameters: {}", out.display());
@@ -267,8 +267,15 @@ fn figures(found: &Identification) -> Figures {
                 ]
             }),
         ),
-        figure("", 1e3 * found.pitch_rms_rad).shown("misfit of pitch, rms", "mrad", 2),
-        figure("", 1e3 * found.rate_rms_rad_s).shown("misfit of the rate, rms", "mrad/s", 1),
-        shown("steps of the search", found.iterations.to_string()),
+        data("setup", &found.setup),
+        data("estimates", &found.estimates),
+        data("pitch_gain", &found.pitch_gain),
+        figure("pitch_rms_rad", found.pitch_rms_rad)
+            .shown("misfit of pitch, rms", "mrad", 2)
+            .scaled(1e3),
+        figure("rate_rms_rad_s", found.rate_rms_rad_s)
+            .shown("misfit of the rate, rms", "mrad/s", 1)
+            .scaled(1e3),
+        figure("iterations", found.iterations).shown("steps of the search", "", 0),
     ])
 }

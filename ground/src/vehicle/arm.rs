@@ -9,7 +9,7 @@ use client::request::{self, Order};
 use client::state::is_in_operation;
 
 use crate::vehicle::link::Vehicle;
-use crate::vehicle::port::PortOptions;
+use crate::vehicle::port::VehicleOptions;
 use report::exit::Verdict;
 use report::measure::{Figures, figure, note};
 
@@ -25,13 +25,9 @@ Examples:
 In a failsafe whose fault is still there, disarm says so: the rudder is at neutral already.
 Exit status: 0 obeyed, 1 refused (with the reason) or failed, 2 unusable input.")]
 pub struct Operate {
-    /// Where the vehicle is.
+    /// Where the vehicle is, and the form of the answer.
     #[command(flatten)]
-    pub port: PortOptions,
-
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
+    pub vehicle: VehicleOptions,
 }
 
 /// How long the state may take to follow the answer.
@@ -42,12 +38,12 @@ const PATIENCE: Duration = Duration::from_secs(3);
 /// # Errors
 /// No vehicle, its refusal, or a state that does not follow.
 pub fn arm(options: &Operate) -> Result<Verdict> {
-    let mut vehicle = Vehicle::connect(&options.port)?;
+    let mut vehicle = Vehicle::connect(&options.vehicle.port)?;
     vehicle.command(request::ARM)?;
     follow(&mut vehicle, request::ARM, StateKind::is_armed)?;
     let state = vehicle.link().client().state_name();
     let figures = Figures::from([figure("state", &*state), note(&*state)]);
-    figures.conclude(options.json, None)
+    figures.conclude(options.vehicle.json, None)
 }
 
 /// Disarms. A fault that keeps the vehicle in its failsafe is named: its rudder is at neutral all
@@ -56,7 +52,7 @@ pub fn arm(options: &Operate) -> Result<Verdict> {
 /// # Errors
 /// No vehicle, or a state that does not follow.
 pub fn disarm(options: &Operate) -> Result<Verdict> {
-    let mut vehicle = Vehicle::connect(&options.port)?;
+    let mut vehicle = Vehicle::connect(&options.vehicle.port)?;
     let fault = vehicle.disarm()?;
     if fault.is_none() {
         let obeyed = |state| !is_in_operation(state);
@@ -72,7 +68,7 @@ pub fn disarm(options: &Operate) -> Result<Verdict> {
         figure("fault", fault.map(|fault| fault.to_string())),
         note(words),
     ]);
-    figures.conclude(options.json, None)
+    figures.conclude(options.vehicle.json, None)
 }
 
 /// Starts the vehicle anew.
@@ -80,9 +76,9 @@ pub fn disarm(options: &Operate) -> Result<Verdict> {
 /// # Errors
 /// No vehicle, or its refusal.
 pub fn reboot(options: &Operate) -> Result<Verdict> {
-    Vehicle::connect(&options.port)?.command(request::REBOOT)?;
+    Vehicle::connect(&options.vehicle.port)?.command(request::REBOOT)?;
     let figures = Figures::from([figure("restarting", true), note("restarting")]);
-    figures.conclude(options.json, None)
+    figures.conclude(options.vehicle.json, None)
 }
 
 /// Waits for the state that an order leads to.

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::logs::log::TOOL;
 use crate::vehicle::port::machine::{Access, Program, access, holders, is_running, names};
-use crate::vehicle::port::{self, Life, PortOptions};
+use crate::vehicle::port::{self, Life, PortOptions, VehicleOptions};
 use crate::{config, image};
 use next::Standing;
 use report::exit::Verdict;
@@ -30,17 +30,13 @@ Examples:
 It asks the vehicle and changes nothing. `tvc doctor` is the same.
 Exit status: 0 all is well, 1 there is something to do, 2 the vehicle cannot be reached.")]
 pub struct Info {
-    /// Where the vehicle is.
+    /// Where the vehicle is, and the form of the answer.
     #[command(flatten)]
-    pub port: PortOptions,
+    pub vehicle: VehicleOptions,
 
     /// List the serial ports instead.
     #[arg(long, conflicts_with = "port")]
     pub ports: bool,
-
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// What was found.
@@ -82,11 +78,11 @@ struct PortFound {
 /// Standard output cannot be written.
 pub fn run(options: &Info) -> Result<Verdict> {
     if options.ports {
-        return port::list(options.json);
+        return port::list(options.vehicle.json);
     }
-    let found = look(&options.port);
+    let found = look(&options.vehicle.port);
     let (standing, next) = next::next(&found);
-    figures(&found, standing, &next).conclude(options.json, None)?;
+    figures(&found, standing, &next).conclude(options.vehicle.json, None)?;
     Ok(standing.verdict())
 }
 

@@ -15,7 +15,7 @@ use report::file::{print, write_whole};
 use report::measure::{Figure, Figures, data, figure, note, rows, shown};
 mod options;
 mod row;
-pub use options::{Param, ParamAction, ParamPort};
+pub use options::{Param, ParamAction};
 use row::LAW;
 pub use row::{Row, is_measured};
 
@@ -46,8 +46,8 @@ pub fn run(options: &Param) -> Result<Verdict> {
         eprintln!("{NO_POLARITY}");
     }
     let wanted = wanted.map(|file| file.rows);
-    let mut vehicle = Vehicle::connect(&options.port.port())?;
-    let json = options.port.json;
+    let mut vehicle = Vehicle::connect(&options.vehicle.port)?;
+    let json = options.vehicle.json;
     match &options.action {
         ParamAction::List => show(&Row::of_all(&vehicle.parameters()?), json),
         ParamAction::Get { names } => {

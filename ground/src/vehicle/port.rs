@@ -20,12 +20,24 @@ use report::exit::{BadInput, Verdict};
 use report::measure::{Figure, Figures, figure, rows, shown};
 
 /// Where the vehicle is.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub struct PortOptions {
     /// Serial port of the Nano, or the path that `tvc rig --pty` prints [default: the only SAMD21
     /// that is connected].
-    #[arg(long, value_name = "PORT")]
+    #[arg(long, value_name = "PORT", global = true)]
     pub port: Option<String>,
+}
+
+/// Where the vehicle is, and the form of the answer.
+#[derive(Debug, Default, Args)]
+pub struct VehicleOptions {
+    /// Where the vehicle is.
+    #[command(flatten)]
+    pub port: PortOptions,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long, global = true)]
+    pub json: bool,
 }
 
 /// USB ignores the rate, but 1200 baud asks for the bootloader.

@@ -14,7 +14,7 @@ use crate::arguments::seconds;
 use crate::logs::log::{Flight, Writer, write_csv};
 use crate::signals;
 use crate::vehicle::link::Vehicle;
-use crate::vehicle::port::PortOptions;
+use crate::vehicle::port::VehicleOptions;
 use crate::vehicle::recorder;
 use report::exit::{BadInput, Verdict};
 use report::file::print_json;
@@ -45,9 +45,9 @@ pub struct Record {
     #[arg(long, conflicts_with_all = ["csv", "seconds"])]
     pub last: bool,
 
-    /// Where the vehicle is.
+    /// Where the vehicle is, and the form of the answer.
     #[command(flatten)]
-    pub port: PortOptions,
+    pub vehicle: VehicleOptions,
 
     /// Write the control steps as a table, too, when the recording ends.
     #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
@@ -56,10 +56,6 @@ pub struct Record {
     /// End by itself after this many seconds.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<f64>,
-
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// Records until Ctrl-C.
@@ -68,12 +64,12 @@ pub struct Record {
 /// The log cannot be written, there is no vehicle, or it went away.
 pub fn run(options: &Record) -> Result<Verdict> {
     if options.last {
-        return recorder::fetch(&options.port, &options.log, options.json);
+        return recorder::fetch(&options.vehicle.port, &options.log, options.vehicle.json);
     }
     let name = options.log.to_string_lossy();
     kind::new_log(&name).map_err(|why| BadInput::new(format!("{name}: {why}")))?;
     let stop = signals::on_signal()?;
-    let mut vehicle = Vehicle::connect(&options.port)?;
+    let mut vehicle = Vehicle::connect(&options.vehicle.port)?;
     vehicle.link().log_to(Writer::create(&options.log)?);
     vehicle.parameters()?;
     if let Err(refusal) = vehicle.command(request::CALIBRATE) {
@@ -105,7 +101,7 @@ pub fn run(options: &Record) -> Result<Verdict> {
     vehicle.link().end_log()?;
     let flight = Flight::read(&options.log)?;
     let (steps, missed, lost) = (flight.steps().count(), flight.missed(), flight.lost());
-    if options.json {
+    if options.vehicle.json {
         print_json(&json!({ "steps": steps, "missed": missed, "lost": lost }))?;
     }
     eprintln!(

@@ -10,7 +10,7 @@ use crate::arguments::seconds;
 use crate::signals;
 use crate::vehicle::calibrate::keyboard::{Keyboard, Typed, is_attended};
 use crate::vehicle::link::Vehicle;
-use crate::vehicle::port::PortOptions;
+use crate::vehicle::port::VehicleOptions;
 use crate::vehicle::watch::Watched;
 use report::exit::{BadInput, Verdict};
 use report::measure::{Figures, figure, note};
@@ -27,9 +27,9 @@ is disarmed. Meanwhile FS_HOST is 1: if the tool is killed or the port goes away
 its failsafe, with the rudder at neutral, after three seconds. `tvc test` measures a release.
 Exit status: 0 released and disarmed again, 1 refused, declined, or a failsafe, 2 unusable input.")]
 pub struct Release {
-    /// Where the vehicle is.
+    /// Where the vehicle is, and the form of the answer.
     #[command(flatten)]
-    pub port: PortOptions,
+    pub vehicle: VehicleOptions,
 
     /// Release without a question.
     #[arg(long)]
@@ -38,10 +38,6 @@ pub struct Release {
     /// End by itself this long after the release.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<f64>,
-
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// Releases, watches and disarms.
@@ -55,7 +51,7 @@ pub fn run(options: &Release) -> Result<Verdict> {
         );
     }
     let stop = signals::on_signal()?;
-    let mut vehicle = Watched::new(Vehicle::connect(&options.port)?);
+    let mut vehicle = Watched::new(Vehicle::connect(&options.vehicle.port)?);
     if vehicle.state() != Some(StateKind::Armed) {
         let state = vehicle.link().client().state_name();
         bail!("release refused: the vehicle is in {state}; `tvc arm` first");
@@ -70,7 +66,7 @@ pub fn run(options: &Release) -> Result<Verdict> {
     let released = release(&mut vehicle, |begun| signals::asked(stop, begun, longest));
     let seconds = vehicle.leave(released)?;
     let words = format!("in control for {seconds:.1} s, then disarmed");
-    Figures::from([figure("seconds", seconds), note(words)]).conclude(options.json, None)
+    Figures::from([figure("seconds", seconds), note(words)]).conclude(options.vehicle.json, None)
 }
 
 fn is_agreed(vehicle: &mut Vehicle) -> Result<bool> {

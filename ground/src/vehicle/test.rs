@@ -16,8 +16,7 @@ use crate::logs::log::{Flight, Release, Writer};
 use crate::logs::report::{conclude, figures, response, sweep};
 use crate::signals;
 use crate::vehicle::link::Vehicle;
-use crate::vehicle::param::ParamPort;
-use crate::vehicle::port::PortOptions;
+use crate::vehicle::port::VehicleOptions;
 use crate::vehicle::watch::Watched;
 use report::exit::Verdict;
 use report::kind;
@@ -42,9 +41,9 @@ pub struct Test {
     #[command(subcommand)]
     pub manoeuvre: Manoeuvre,
 
-    /// The port, and the form of the answer.
+    /// Where the vehicle is, and the form of the answer.
     #[command(flatten)]
-    pub port: ParamPort,
+    pub vehicle: VehicleOptions,
 
     /// The axis that is tilted, held or swung; roll needs a vehicle with two (AXES 2).
     #[arg(long, value_enum, default_value_t, global = true)]
@@ -57,13 +56,6 @@ pub struct Test {
     /// Write an HTML report.
     #[arg(long, value_name = "FILE.html", global = true, value_parser = kind::page)]
     pub report: Option<PathBuf>,
-}
-
-impl Test {
-    /// The same as [`PortOptions`].
-    pub fn port(&self) -> PortOptions {
-        self.port.port()
-    }
 }
 
 /// The manoeuvre.
@@ -200,7 +192,7 @@ pub fn run(options: &Test) -> Result<Verdict> {
         Some(path) => path.clone(),
         None => folder.path().join("test.tlog"),
     };
-    let mut vehicle = Watched::new(Vehicle::connect(&options.port())?);
+    let mut vehicle = Watched::new(Vehicle::connect(&options.vehicle.port)?);
     vehicle.link().log_to(Writer::create(&log)?);
     vehicle.parameters()?;
     if vehicle.state().is_some_and(is_in_operation) {
@@ -239,7 +231,7 @@ pub fn run(options: &Test) -> Result<Verdict> {
         bail!("it was released upright: hold it tilted to the side, by 3 deg at least");
     }
     let figures = figures(&flight);
-    let (page, json) = (options.report.as_deref(), options.port.json);
+    let (page, json) = (options.report.as_deref(), options.vehicle.json);
     conclude(&flight, figures, &log, page, json)
 }
 
@@ -247,7 +239,7 @@ pub fn run(options: &Test) -> Result<Verdict> {
 /// released, and for a script an object in any case.
 fn fell(error: &Error, log: &Path, options: &Test) -> Result<Verdict> {
     let flight = Flight::read(log).unwrap_or_default();
-    let json = options.port.json;
+    let json = options.vehicle.json;
     if !json && flight.releases().is_empty() {
         return Ok(Verdict::Missed);
     }

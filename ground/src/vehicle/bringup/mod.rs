@@ -25,7 +25,7 @@ use target::{Board, OnRig, Target};
 use crate::flight::hardware::HardwareChoice;
 use crate::image::ImageOption;
 use crate::vehicle::calibrate::keyboard::is_attended;
-use crate::vehicle::port::PortOptions;
+use crate::vehicle::port::VehicleOptions;
 use report::exit::{BadInput, Verdict};
 use report::kind;
 use report::measure::{Figures, figure, rows};
@@ -43,9 +43,9 @@ Examples:
 Put a jumper from D3 to D2 and connect no servo. The parameters are saved once; the board is made to fail its self-check and to hang, and recovers.
 Exit status: 0 nothing differs or fails, 1 something does or went wrong, 2 unusable input.")]
 pub struct Bringup {
-    /// Where the board is.
+    /// Where the board is, and the form of the answer.
     #[command(flatten)]
-    pub port: PortOptions,
+    pub vehicle: VehicleOptions,
 
     /// Examine the virtual rig instead of a board.
     #[arg(long, conflicts_with = "port")]
@@ -54,10 +54,6 @@ pub struct Bringup {
     /// Skip what needs hands: turning the sensor.
     #[arg(long)]
     pub no_hands: bool,
-
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
 
     /// Write an HTML report.
     #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
@@ -89,7 +85,7 @@ pub fn run(options: &Bringup) -> Result<Verdict> {
         };
         Box::new(OnRig::new(Rig::new(&options.image.image()?, &config)?))
     } else {
-        Box::new(Board::open(options.port.port.as_deref())?)
+        Box::new(Board::open(options.vehicle.port.port.as_deref())?)
     };
     let hands = !options.no_hands && !options.rig && is_attended();
     let found = examine(target.as_mut(), hands)?;
@@ -110,7 +106,7 @@ pub fn run(options: &Bringup) -> Result<Verdict> {
         };
         (path, page("The first hour with a board", body))
     });
-    let concluded = figures.conclude(options.json, page);
+    let concluded = figures.conclude(options.vehicle.json, page);
     for line in &advice {
         eprintln!("{line}");
     }

@@ -55,7 +55,7 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     if ending.met && !session.is_polarity_checked()? {
         eprintln!("next: tvc calibrate servo, then polarity, without which nothing is armed");
     }
-    if options.port.json {
+    if options.vehicle.json {
         print_json(&figures)?;
     }
     written?;

@@ -39,7 +39,7 @@ const FEWEST: usize = 100;
 pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
     let mut session = Session::connect(options)?;
     let (figures, ending) = measure(&mut session, seconds)?;
-    if options.port.json {
+    if options.vehicle.json {
         print_json(&figures)?;
     }
     Ok(verdict(&ending))

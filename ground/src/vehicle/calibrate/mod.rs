@@ -46,7 +46,7 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
             let refused = outcome.is_refused();
             let written = outcome.write(&files, &mut |words| eprintln!("{words}"));
             let figures = outcome.figures.and(figure("written", false));
-            figures.conclude(options.port.json, None)?;
+            figures.conclude(options.vehicle.json, None)?;
             written?;
             Ok(Verdict::of(!refused))
         }

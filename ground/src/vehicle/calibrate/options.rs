@@ -1,7 +1,7 @@
 //! Options of `tvc calibrate`.
 
 use crate::arguments::{number, numbers, seconds};
-use crate::vehicle::param::ParamPort;
+use crate::vehicle::port::VehicleOptions;
 use anyhow::Result;
 use calibration::{STANDARD_GRAVITY, Sensor, Wanted};
 use clap::{Args, Subcommand};
@@ -43,9 +43,9 @@ pub struct Calibrate {
     #[arg(long, value_name = "LOG", conflicts_with_all = ["port", "yes", "record"])]
     pub from: Option<PathBuf>,
 
-    /// The vehicle, and the form of the answer.
+    /// Where the vehicle is, and the form of the answer.
     #[command(flatten)]
-    pub port: ParamPort,
+    pub vehicle: VehicleOptions,
 
     /// Yes to every question: write what was found to the vehicle.
     #[arg(long, global = true)]
@@ -188,10 +188,7 @@ impl Calibrate {
         Self {
             step: None,
             from: None,
-            port: ParamPort {
-                port: None,
-                json: false,
-            },
+            vehicle: VehicleOptions::default(),
             yes: false,
             record: None,
             only: Vec::new(),

@@ -111,7 +111,7 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     if ending.met {
         session.say(&ending.words);
     }
-    if options.port.json {
+    if options.vehicle.json {
         print_json(&figures)?;
     }
     Ok(verdict(&ending))

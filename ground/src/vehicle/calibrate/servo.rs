@@ -43,7 +43,7 @@ pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     if ending.met && !session.is_polarity_checked()? {
         eprintln!("next: tvc calibrate polarity, without which nothing is armed");
     }
-    if options.port.json {
+    if options.vehicle.json {
         print_json(&figures)?;
     }
     Ok(Verdict::of(ending.met))

@@ -78,8 +78,8 @@ impl Session {
     /// It does not answer, or it is armed.
     pub fn connect(options: &Calibrate) -> Result<Self> {
         let stop = signals::on_signal()?;
-        let vehicle = Vehicle::connect(&options.port.port())?;
-        let terminal = Terminal::new(options.port.json);
+        let vehicle = Vehicle::connect(&options.vehicle.port)?;
+        let terminal = Terminal::new(options.vehicle.json);
         Self::new(vehicle, Box::new(terminal), stop, options.yes)
     }
 

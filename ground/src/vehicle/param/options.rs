@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use crate::vehicle::port::PortOptions;
+use crate::vehicle::port::VehicleOptions;
 use report::kind;
 
 /// Options of `tvc param`.
@@ -26,31 +26,9 @@ pub struct Param {
     #[command(subcommand)]
     pub action: ParamAction,
 
-    /// Where the vehicle is.
+    /// Where the vehicle is, and the form of the answer.
     #[command(flatten)]
-    pub port: ParamPort,
-}
-
-/// The port and the form of the answer; both may also follow the action.
-#[derive(Debug, Args)]
-pub struct ParamPort {
-    /// Serial port of the Nano, or the path that `tvc rig --pty` prints [default: the only SAMD21
-    /// that is connected].
-    #[arg(long, value_name = "PORT", global = true)]
-    pub port: Option<String>,
-
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long, global = true)]
-    pub json: bool,
-}
-
-impl ParamPort {
-    /// The same as [`PortOptions`].
-    pub fn port(&self) -> PortOptions {
-        PortOptions {
-            port: self.port.clone(),
-        }
-    }
+    pub vehicle: VehicleOptions,
 }
 
 /// What to do with parameters.
