@@ -497,7 +497,7 @@ pub fn lines<'a>(figures: impl IntoIterator<Item = &'a Figure>) -> Table {
     let head = if limited {
         &["", "measured", "required"][..]
     } else {
-        &["", "measured"]
+        &[]
     };
     Table::new(head.iter().copied(), figures.iter().map(row))
 }

@@ -16,7 +16,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table with this head, aligned to the left.
+    /// A table with this head, or none, aligned to the left.
     pub fn new<T: Into<String>>(
         head: impl IntoIterator<Item = T>,
         rows: impl IntoIterator<Item = Vec<String>>,
@@ -42,10 +42,10 @@ impl Table {
     /// For a terminal, with an end of line behind each row.
     pub fn text(&self) -> String {
         let mut table = Terminal::new();
-        table
-            .load_style(NOTHING)
-            .set_header(self.head.iter().map(|cell| wrapped(cell)))
-            .add_rows(&self.rows);
+        table.load_style(NOTHING).add_rows(&self.rows);
+        if !self.head.is_empty() {
+            table.set_header(self.head.iter().map(|cell| wrapped(cell)));
+        }
         if self.right_aligned {
             let is_number = |cell: &String| cell.parse::<f64>().is_ok();
             let has_numbers = |at| {

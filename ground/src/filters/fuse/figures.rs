@@ -70,10 +70,9 @@ pub fn figures(choice: &Choice, offline: bool, recordings: &[Recording]) -> Figu
 }
 
 fn score_figures(score: Score, has_heading: bool, of: &str) -> [Figure; 4] {
-    let deg = |key, label, value: Option<f64>| {
-        figure(key, value)
-            .shown(format!("{of}{label}"), "deg RMSE", 3)
-            .or("")
+    let deg = |key, label, value: Option<f64>| match value {
+        Some(deg) => figure(key, deg).shown(format!("{of}{label}"), "deg RMSE", 3),
+        None => figure(key, value),
     };
     [
         deg("total_deg", "total", has_heading.then_some(score.total_deg)),
