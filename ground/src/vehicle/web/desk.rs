@@ -212,7 +212,7 @@ impl Desk {
             bail!("another report is being made: try again when it is there");
         };
         report::page(&self.reporter, log, &|| {
-            if self.model.lock().status().in_operation {
+            if self.model.lock().status.in_operation {
                 return Some("the vehicle is in operation: reports are made when it is disarmed");
             }
             let ending = self.ending.load(Ordering::SeqCst);
@@ -278,12 +278,11 @@ impl Desk {
                 return Ok(done());
             }
             Order::Answer { question, reply } => {
-                let mut state = self.model.lock();
-                state.change_set_up(|now| now.answer(question, reply))?;
+                self.model.lock().set_up.answer(question, reply)?;
                 return Ok(done());
             }
             Order::Cancel => {
-                ensure!(self.model.lock().set_up().running, "nothing is under way");
+                ensure!(self.model.lock().set_up.running, "nothing is under way");
                 self.end();
                 return Ok(done());
             }
@@ -317,7 +316,7 @@ impl Desk {
     /// Sets a parameter that the vehicle has, to a value that it can have.
     fn set(&self, name: String, value: f32, condition: Condition) -> Result<Outcome> {
         let state = self.model.lock();
-        let Some(known) = state.parameters().iter().find(|row| row.is(&name)) else {
+        let Some(known) = state.parameters.iter().find(|row| row.is(&name)) else {
             bail!("the vehicle has no parameter of this name");
         };
         known.admit(value)?;
@@ -330,7 +329,7 @@ impl Desk {
     /// The text of a parameter file, as `tvc param dump` writes it.
     fn parameter_file(&self) -> Result<String> {
         let state = self.model.lock();
-        let rows: Vec<_> = state.parameters().iter().map(|row| row.plain()).collect();
+        let rows: Vec<_> = state.parameters.iter().map(|row| row.plain()).collect();
         ensure!(
             !rows.is_empty(),
             "the vehicle's parameters are not known yet"
@@ -342,11 +341,11 @@ impl Desk {
     fn test(&self, manoeuvre: Manoeuvre) -> Result<Outcome> {
         let mut state = self.model.lock();
         self.take_rudder(&state)?;
-        state.set_test(Test {
+        *state.test = Test {
             manoeuvre: manoeuvre.name(),
             running: true,
             ..Test::default()
-        });
+        };
         drop(state);
         let (vehicle, model) = (self.vehicle.clone(), self.model.clone());
         let stop = self.test_stop;
@@ -358,7 +357,7 @@ impl Desk {
     fn set_up(&self, step: Step) -> Result<()> {
         let mut state = self.model.lock();
         self.take_rudder(&state)?;
-        state.change_set_up(|now| now.begin(step));
+        state.set_up.begin(step);
         let (vehicle, model, logs) = (self.vehicle.clone(), self.model.clone(), self.logs.clone());
         let stop = self.test_stop;
         std::thread::spawn(move || set_up::run(step, &vehicle, &model, &logs, stop));
@@ -369,7 +368,7 @@ impl Desk {
     fn take_rudder(&self, state: &State) -> Result<()> {
         idle(state)?;
         ensure!(
-            !state.status().in_operation && state.status().connected,
+            !state.status.in_operation && state.status.connected,
             "the vehicle is not in standby: disarm first"
         );
         self.armed.store(true, Ordering::SeqCst);
@@ -395,7 +394,7 @@ impl Desk {
     /// Whether something is under way that a page has begun.
     fn is_flown(&self) -> bool {
         let state = self.model.lock();
-        let busy = state.status().in_operation || state.test().running || state.set_up().running;
+        let busy = state.status.in_operation || state.test.running || state.set_up.running;
         self.armed.fetch_and(busy, Ordering::SeqCst) && busy
     }
 }
@@ -429,9 +428,9 @@ fn told(note: String) -> Outcome {
 
 /// Nothing is being recorded or tested.
 fn idle(state: &State) -> Result<()> {
-    ensure!(!state.test().running, "a test is under way");
+    ensure!(!state.test.running, "a test is under way");
     not_set_up(state)?;
-    match &state.status().recording {
+    match &state.status.recording {
         Some(path) => bail!("{path} is being recorded: end it first"),
         None => Ok(()),
     }
@@ -440,7 +439,7 @@ fn idle(state: &State) -> Result<()> {
 /// No step of the set-up is under way.
 fn not_set_up(state: &State) -> Result<()> {
     ensure!(
-        !state.set_up().running,
+        !state.set_up.running,
         "a step of the set-up is under way: end it first"
     );
     Ok(())

@@ -20,13 +20,13 @@ use tvc_nano::Axis;
 pub fn run(manoeuvre: Manoeuvre, vehicle: &Handle, model: &Model, stop: &'static AtomicBool) {
     let mut log = String::new();
     let show = |running, log: &str, stage: &str, result| {
-        model.lock().set_test(Test {
+        *model.lock().test = Test {
             manoeuvre: manoeuvre.name(),
             running,
             stage: stage.to_owned(),
             log: log.to_owned(),
             result,
-        });
+        };
     };
     let recording = vehicle.record(Recording::Test(manoeuvre.name())).wait();
     let result = recording.and_then(|path| {

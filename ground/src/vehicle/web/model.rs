@@ -3,6 +3,8 @@
 pub mod set_up;
 
 use std::collections::VecDeque;
+use std::mem;
+use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Result, ensure};
@@ -208,20 +210,65 @@ impl Test {
     }
 }
 
+/// A part of what the page shows, and how often it may have changed.
+#[derive(Debug, Default)]
+pub struct Part<T> {
+    count: u64,
+    value: T,
+}
+
+impl<T: Clone> Part<T> {
+    /// The part, if it is not what was `seen`.
+    fn news(&self, seen: &mut u64) -> Option<T> {
+        // Numbered from 1, so that a new page gets everything.
+        let count = self.count + 1;
+        (mem::replace(seen, count) != count).then(|| self.value.clone())
+    }
+}
+
+impl<T: PartialEq> Part<T> {
+    /// Replaces it by another value; the same one is no news.
+    pub fn renew(&mut self, value: T) {
+        if self.value != value {
+            **self = value;
+        }
+    }
+}
+
+impl<T> Deref for Part<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.value
+    }
+}
+
+impl<T> DerefMut for Part<T> {
+    fn deref_mut(&mut self) -> &mut T {
+        self.count += 1;
+        &mut self.value
+    }
+}
+
 /// Everything that the page shows.
 #[derive(Debug, Default)]
 pub struct State {
     /// The newest motion.
     pub motion: Motion,
-    /// How often the status has changed, and the newest.
-    status: (u64, VehicleStatus),
-    test: (u64, Test),
-    set_up: (u64, SetUp),
+    /// The vehicle's status.
+    pub status: Part<VehicleStatus>,
+    /// The last test.
+    pub test: Part<Test>,
+    /// The last step of the set-up.
+    pub set_up: Part<SetUp>,
+    /// The parameters.
+    pub parameters: Part<Vec<ParameterRow>>,
+    /// The last releases, oldest first.
+    pub releases: Part<Vec<Release>>,
+    /// How the virtual rig is; null where there is none.
+    pub rig: Part<Value>,
     texts: VecDeque<Text>,
     last_text: u64,
-    parameters: (u64, Vec<ParameterRow>),
-    releases: (u64, Vec<Release>),
-    rig: (u64, Value),
 }
 
 /// How much of it a page has seen.
@@ -266,59 +313,6 @@ pub struct Update {
 }
 
 impl State {
-    /// The vehicle's status.
-    pub fn status(&self) -> &VehicleStatus {
-        &self.status.1
-    }
-
-    /// Replaces it.
-    pub fn set_status(&mut self, status: VehicleStatus) {
-        self.status = (self.status.0 + 1, status);
-    }
-
-    /// The last test.
-    pub fn test(&self) -> &Test {
-        &self.test.1
-    }
-
-    /// Replaces it.
-    pub fn set_test(&mut self, test: Test) {
-        self.test = (self.test.0 + 1, test);
-    }
-
-    /// The last step of the set-up.
-    pub fn set_up(&self) -> &SetUp {
-        &self.set_up.1
-    }
-
-    /// Changes it.
-    pub fn change_set_up<T>(&mut self, change: impl FnOnce(&mut SetUp) -> T) -> T {
-        self.set_up.0 += 1;
-        change(&mut self.set_up.1)
-    }
-
-    /// The parameters.
-    pub fn parameters(&self) -> &[ParameterRow] {
-        &self.parameters.1
-    }
-
-    /// Replaces them.
-    pub fn set_parameters(&mut self, rows: Vec<ParameterRow>) {
-        self.parameters = (self.parameters.0 + 1, rows);
-    }
-
-    /// Replaces the releases.
-    pub fn set_releases(&mut self, releases: Vec<Release>) {
-        self.releases = (self.releases.0 + 1, releases);
-    }
-
-    /// Replaces how the virtual rig is; null where there is none.
-    pub fn set_rig(&mut self, rig: Value) {
-        if self.rig.1 != rig {
-            self.rig = (self.rig.0 + 1, rig);
-        }
-    }
-
     /// Keeps a text of this program.
     pub fn say(&mut self, severity: u8, text: &str) {
         self.add_text(self.motion.time_s, severity, text.to_owned());
@@ -340,27 +334,17 @@ impl State {
 
     /// What is new since `seen`, which is brought up to date.
     pub fn update(&self, seen: &mut Seen) -> Update {
-        // Numbered from 1, so that a new page gets everything.
-        let next = Seen {
-            status: self.status.0 + 1,
-            test: self.test.0 + 1,
-            set_up: self.set_up.0 + 1,
-            text: self.last_text,
-            parameters: self.parameters.0 + 1,
-            releases: self.releases.0 + 1,
-            rig: self.rig.0 + 1,
-        };
-        let last = std::mem::replace(seen, next);
-        let texts = self.texts.iter().filter(|text| text.id > last.text);
+        let last_text = mem::replace(&mut seen.text, self.last_text);
+        let texts = self.texts.iter().filter(|text| text.id > last_text);
         Update {
             motion: self.motion.clone(),
-            status: (last.status != seen.status).then(|| self.status.1.clone()),
-            test: (last.test != seen.test).then(|| self.test.1.clone()),
-            set_up: (last.set_up != seen.set_up).then(|| self.set_up.1.clone()),
+            status: self.status.news(&mut seen.status),
+            test: self.test.news(&mut seen.test),
+            set_up: self.set_up.news(&mut seen.set_up),
             texts: texts.cloned().collect(),
-            parameters: (last.parameters != seen.parameters).then(|| self.parameters.1.clone()),
-            releases: (last.releases != seen.releases).then(|| self.releases.1.clone()),
-            rig: (last.rig != seen.rig).then(|| self.rig.1.clone()),
+            parameters: self.parameters.news(&mut seen.parameters),
+            releases: self.releases.news(&mut seen.releases),
+            rig: self.rig.news(&mut seen.rig),
         }
     }
 }
@@ -397,7 +381,7 @@ mod tests {
         assert!(update.texts.is_empty() && update.status.is_none() && update.test.is_none());
         assert!(update.parameters.is_none());
         state.add_text(1.0, 4, "new".into());
-        state.set_status(VehicleStatus::default());
+        *state.status = VehicleStatus::default();
         let update = state.update(&mut seen);
         assert_eq!(update.texts.len(), 1);
         assert!(update.status.is_some() && update.test.is_none());

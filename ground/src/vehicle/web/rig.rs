@@ -42,7 +42,7 @@ impl RigSocket {
     pub async fn watch(self, model: &Model) {
         while self.0.is_some() {
             let look = self.clone().act("state").await.unwrap_or_default();
-            model.lock().set_rig(look);
+            model.lock().rig.renew(look);
             sleep(LOOK).await;
         }
         std::future::pending().await

@@ -37,69 +37,66 @@ impl Person for Page {
     }
 
     fn instruct(&mut self, words: &str) {
-        self.0.lock().change_set_up(|now| {
-            now.instruction = words.to_owned();
-            (now.share, now.seen) = (None, None);
-        });
+        let now = &mut *self.0.lock().set_up;
+        now.instruction = words.to_owned();
+        (now.share, now.seen) = (None, None);
     }
 
     fn tell(&mut self, words: &str, seen: Option<&Coverage>) {
-        self.0.lock().change_set_up(|now| {
-            now.lines.push(words.to_owned());
-            if now.lines.len() > LINES {
-                now.lines.remove(0);
-            }
-            now.seen = seen.map(|seen| *seen.counts());
-        });
+        let now = &mut *self.0.lock().set_up;
+        now.lines.push(words.to_owned());
+        if now.lines.len() > LINES {
+            now.lines.remove(0);
+        }
+        now.seen = seen.map(|seen| *seen.counts());
     }
 
     fn progress(&mut self, share: f64, words: &str, seen: Option<&Coverage>) {
         let mut state = self.0.lock();
-        let now = state.set_up();
-        let is_shown = now.share.is_some_and(|at| (share - at).abs() < LEAST_SHARE);
-        if !is_shown || now.progress != words {
-            state.change_set_up(|now| {
-                (now.share, now.progress) = (Some(share.clamp(0.0, 1.0)), words.to_owned());
-                now.seen = seen.map(|seen| *seen.counts());
-            });
+        let is_shown = state
+            .set_up
+            .share
+            .is_some_and(|at| (share - at).abs() < LEAST_SHARE);
+        if !is_shown || state.set_up.progress != words {
+            let now = &mut *state.set_up;
+            (now.share, now.progress) = (Some(share.clamp(0.0, 1.0)), words.to_owned());
+            now.seen = seen.map(|seen| *seen.counts());
         }
     }
 
     fn rest(&mut self) {
-        self.0.lock().change_set_up(|now| now.share = None);
+        self.0.lock().set_up.share = None;
     }
 
     fn show(&mut self, figures: &Figures) -> Result<()> {
         let figures = figures.named();
-        self.0.lock().change_set_up(|now| {
-            now.instruction.clear();
-            now.figures = figures;
-        });
+        let now = &mut *self.0.lock().set_up;
+        now.instruction.clear();
+        now.figures = figures;
         Ok(())
     }
 
     fn ask(&mut self, question: &person::Question<'_>) {
         let buttons = question.buttons.iter();
         let buttons = buttons.map(|(label, reply)| [*label, *reply].map(str::to_owned));
-        self.0.lock().change_set_up(|now| {
-            now.asked += 1;
-            now.share = None;
-            now.question = Some(Question {
-                id: now.asked,
-                words: question.words.to_owned(),
-                buttons: buttons.collect(),
-                entry: question.entry.map(str::to_owned),
-                again: question.again,
-            });
+        let now = &mut *self.0.lock().set_up;
+        now.asked += 1;
+        now.share = None;
+        now.question = Some(Question {
+            id: now.asked,
+            words: question.words.to_owned(),
+            buttons: buttons.collect(),
+            entry: question.entry.map(str::to_owned),
+            again: question.again,
         });
     }
 
     fn poll(&mut self) -> Typed {
         let mut state = self.0.lock();
-        if state.set_up().reply.is_none() {
+        if state.set_up.reply.is_none() {
             return Typed::Nothing;
         }
-        let reply = state.change_set_up(|now| now.reply.take());
+        let reply = state.set_up.reply.take();
         reply.map_or(Typed::Nothing, Typed::Line)
     }
 }
@@ -118,7 +115,7 @@ pub fn run(
         Ok(Err(error)) => Ending::unchanged(format!("{error:#}")),
         Err(_) => Ending::unchanged("this step broke off"),
     };
-    model.lock().change_set_up(|now| now.end(ending));
+    model.lock().set_up.end(ending);
 }
 
 fn lead(
@@ -155,9 +152,7 @@ mod tests {
         let model = Arc::new(Model::default());
         let mut page = Page(model.clone());
         let answer = |id, reply: &str| {
-            let answered = model
-                .lock()
-                .change_set_up(|now| now.answer(id, reply.to_owned()));
+            let answered = model.lock().set_up.answer(id, reply.to_owned());
             answered.is_ok()
         };
         let question = person::Question {
@@ -175,11 +170,11 @@ mod tests {
         assert_eq!(page.poll(), Typed::Line("n".into()));
         assert_eq!(page.poll(), Typed::Nothing);
         // The numbers go on in the next step.
-        model.lock().change_set_up(|now| now.begin(Step::Polarity));
+        model.lock().set_up.begin(Step::Polarity);
         page.ask(&question);
         assert!(!answer(1, "y") && answer(2, "y"));
         // What a step has not taken when it ends is nothing to the next one.
-        model.lock().change_set_up(|now| now.begin(Step::Servo));
+        model.lock().set_up.begin(Step::Servo);
         assert_eq!(page.poll(), Typed::Nothing);
     }
 }

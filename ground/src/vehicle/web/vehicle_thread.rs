@@ -102,15 +102,15 @@ pub fn hear(link: Link, model: &Model) {
 /// Publishes that there is no port.
 fn publish_absence(model: &Model, problem: &str) {
     let mut state = model.lock();
-    if state.status().connected || state.status().problem != problem {
+    if state.status.connected || state.status.problem != problem {
         let status = VehicleStatus {
-            port: state.status().port.clone(),
-            recording_failure: state.status().recording_failure.clone(),
+            port: state.status.port.clone(),
+            recording_failure: state.status.recording_failure.clone(),
             problem: problem.to_owned(),
             state: "not connected".into(),
             ..VehicleStatus::default()
         };
-        state.set_status(status);
+        *state.status = status;
     }
 }
 
@@ -161,12 +161,12 @@ struct Session<'a> {
 
 impl<'a> Session<'a> {
     fn new(mut link: Link, model: &'a Model, logs: &'a Path) -> Self {
-        let mut status = model.lock().status().clone();
+        let mut status = model.lock().status.clone();
         status.port = link.name().to_owned();
         let recording_failure = status.recording_failure.clone();
         status.problem = "waiting for the vehicle's heartbeat".into();
         status.connected = false;
-        model.lock().set_status(status);
+        *model.lock().status = status;
         let params = Params::default();
         Self {
             model,

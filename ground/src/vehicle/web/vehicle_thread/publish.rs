@@ -37,14 +37,14 @@ impl Session<'_> {
         let (client, model) = (self.link.client(), self.model);
         let releases = self.releases.take(message, || Circumstances {
             parameters: client.parameters().cloned().collect(),
-            test: model.lock().test().under_way(),
+            test: model.lock().test.under_way(),
             log: self
                 .recording
                 .as_ref()
                 .map(|path| path.display().to_string()),
         });
         if let Some(releases) = releases {
-            model.lock().set_releases(releases.to_vec());
+            *model.lock().releases = releases.to_vec();
         }
     }
 
@@ -99,11 +99,7 @@ impl Session<'_> {
             let stored = self.stored.value(&row.name, &self.host);
             ParameterRow::of(row, stored)
         });
-        let rows: Vec<_> = rows.collect();
-        let mut model = self.model.lock();
-        if *model.parameters() != rows {
-            model.set_parameters(rows);
-        }
+        self.model.lock().parameters.renew(rows.collect());
     }
 
     fn motion(&mut self) -> Motion {
@@ -178,7 +174,7 @@ impl Session<'_> {
                 .map(|path| path.display().to_string()),
             recording_failure: self.recording_failure.clone(),
         };
-        self.model.lock().set_status(status);
+        *self.model.lock().status = status;
     }
 }
 

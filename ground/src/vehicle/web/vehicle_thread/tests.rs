@@ -138,12 +138,12 @@ fn of_two_pages_that_record_one_does_and_it_ends_though_the_vehicle_is_silent() 
     assert!(refusal.contains("end it first"), "{refusal}");
     let files = std::fs::read_dir(folder.path()).unwrap();
     assert_eq!(files.count(), 1, "a refused recording leaves no file");
-    let recording = model.lock().status().recording.clone();
+    let recording = model.lock().status.recording.clone();
     assert_eq!(recording.as_deref(), path.to_str());
     let (reply, mut answer) = oneshot::channel();
     session.take(Ask::EndRecording(reply)).unwrap();
     answer.try_recv().unwrap().unwrap();
-    assert_eq!(model.lock().status().recording, None);
+    assert_eq!(model.lock().status.recording, None);
     // What was asked for at its beginning is in it.
     assert!(std::fs::metadata(path).unwrap().len() > 0);
 }
