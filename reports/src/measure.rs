@@ -197,6 +197,18 @@ pub fn data(key: &'static str, data: &impl Serialize) -> Figure {
     figure(key, Value::Data(json))
 }
 
+/// The first few of many texts, for words beside data that `--json` has whole.
+pub fn some(texts: impl ExactSizeIterator<Item = String>) -> String {
+    const SHOWN: usize = 5;
+    let more = texts.len().saturating_sub(SHOWN);
+    let shown = texts.take(SHOWN).collect::<Vec<_>>().join(", ");
+    match more {
+        0 if shown.is_empty() => "none".into(),
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}
+
 /// A line of the tables that is no member of the object.
 pub fn shown(label: impl Into<String>, words: impl Into<String>) -> Figure {
     figure("", Value::Missing).said(label, words)

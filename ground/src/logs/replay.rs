@@ -25,7 +25,7 @@ use crate::logs::log::{self, Event, Step};
 use report::exit::{BadInput, Verdict};
 use report::file::write_whole;
 use report::kind;
-use report::measure::{Figures, data, figure, note, rows};
+use report::measure::{Figures, data, figure, note, rows, some};
 
 /// Options of `tvc replay`.
 #[derive(Debug, Args)]
@@ -70,9 +70,6 @@ pub struct Replay {
     #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
     pub report: Option<PathBuf>,
 }
-
-/// Most gaps and stretches that are named in words; `--json` has all.
-const SHOWN: usize = 5;
 
 /// A step as logged and as replayed.
 #[derive(Clone, Copy, Debug)]
@@ -224,17 +221,6 @@ impl Comparison {
         }
         figures.extend(self.refused.iter().map(note));
         Figures::from(figures)
-    }
-}
-
-/// The first few.
-fn some(texts: impl ExactSizeIterator<Item = String>) -> String {
-    let more = texts.len().saturating_sub(SHOWN);
-    let shown = texts.take(SHOWN).collect::<Vec<_>>().join(", ");
-    match more {
-        0 if shown.is_empty() => "none".into(),
-        0 => shown,
-        more => format!("{shown} and {more} more"),
     }
 }
 

@@ -125,51 +125,50 @@ pub fn servo(params: &Params) -> ServoKind {
 pub fn figures(flight: &Flight) -> Figures {
     let releases = flight.releases();
     let servo = servo(&flight.parameters());
-    let runs = releases
-        .iter()
-        .filter_map(|release| response(release, Axis::Pitch));
-    let sweeps_of = |axis| releases.iter().map(move |release| Sweep::of(release, axis));
-    let sweeps: Vec<Option<Sweep>> = sweeps_of(Axis::Pitch).collect();
-    let hold = |(index, release)| hold_figures(index, release, Axis::Pitch);
-    let mut figures = vec![
-        flight.origin.figures(),
-        releases_figure(releases.len()),
-        rows("runs", runs.map(|run| run.figures(servo))),
-        rows("hold", releases.iter().enumerate().map(hold)),
-        data("sweep", &sweeps),
+    let has_roll = releases.iter().any(|release| release.axes().len() > 1);
+    let mut figures = vec![flight.origin.figures(), releases_figure(releases.len())];
+    figures.extend(axis_figures(&releases, Axis::Pitch, servo));
+    figures.extend([
         loop_figures(flight),
         telemetry(flight.counts),
         health_figures(&health(flight)),
         data("parameters", &last_parameters(flight)),
         data("events", &events(flight)),
-    ];
-    for (index, sweep) in sweeps.iter().enumerate() {
-        let label = format!("release {}: bandwidth", index + 1);
-        figures.extend(sweep.as_ref().map(|sweep| shown(label, sweep.words())));
-    }
-    if releases.iter().any(|release| release.axes().len() > 1) {
-        figures.extend(roll_figures(&releases, servo));
+    ]);
+    if has_roll {
+        figures.extend(axis_figures(&releases, Axis::Roll, servo));
     }
     figures.into()
 }
 
-/// The same figures of the roll axis.
-fn roll_figures(releases: &[Release], servo: ServoKind) -> Vec<Figure> {
-    let of_roll = |release| response(release, Axis::Roll);
-    let runs = releases.iter().filter_map(of_roll);
-    let runs = runs.map(|run| [vec![shown("axis", "roll")], run.figures(servo).into()].concat());
-    let hold = |(index, release)| hold_figures(index, release, Axis::Roll);
-    let sweeps = releases
+/// The figures of the releases, of one axis.
+fn axis_figures(releases: &[Release], axis: Axis, servo: ServoKind) -> Vec<Figure> {
+    let ([runs_key, hold_key, sweep_key], name) = match axis {
+        Axis::Pitch => (["runs", "hold", "sweep"], None),
+        Axis::Roll => (["roll_runs", "roll_hold", "roll_sweep"], Some("roll")),
+    };
+    let runs = releases
         .iter()
-        .map(|release| Sweep::of(release, Axis::Roll));
-    let sweeps: Vec<Option<Sweep>> = sweeps.collect();
+        .filter_map(|release| response(release, axis));
+    let run = |run: Run| {
+        let axis = name.map(|name| shown("axis", name));
+        axis.into_iter()
+            .chain(run.figures(servo))
+            .collect::<Vec<_>>()
+    };
+    let hold = |(index, release)| hold_figures(index, release, axis);
+    let sweeps: Vec<_> = releases
+        .iter()
+        .map(|release| Sweep::of(release, axis))
+        .collect();
     let mut figures = vec![
-        rows("roll_runs", runs),
-        rows("roll_hold", releases.iter().enumerate().map(hold)),
-        data("roll_sweep", &sweeps),
+        rows(runs_key, runs.map(run)),
+        rows(hold_key, releases.iter().enumerate().map(hold)),
+        data(sweep_key, &sweeps),
     ];
+    let of = name.map_or(String::new(), |name| format!(" of {name}"));
     for (index, sweep) in sweeps.iter().enumerate() {
-        let label = format!("release {}: bandwidth of roll", index + 1);
+        let label = format!("release {}: bandwidth{of}", index + 1);
         figures.extend(sweep.as_ref().map(|sweep| shown(label, sweep.words())));
     }
     figures

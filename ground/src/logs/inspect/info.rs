@@ -11,10 +11,7 @@ use mavlink::dialects::common::MavMessage;
 
 use crate::logs::log::{Log, Origin};
 use report::exit::Verdict;
-use report::measure::{Figure, Figures, data, figure, rows, shown};
-
-/// Gaps that are shown; `--json` has all.
-const GAPS_SHOWN: usize = 5;
+use report::measure::{Figure, Figures, data, figure, rows, some};
 
 /// A release until control ended, by the log's clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +40,7 @@ pub fn figures(log: &Log) -> Figures {
         .filter(|e| is_parameter(&e.message))
         .count();
     let counts = log.counts;
-    let mut figures = vec![
+    Figures::from([
         Origin::of(&log.entries).figures(),
         figure("length_s", log.length_s()).shown("length", "s", 1),
         count("lost", counts.lost, "frames lost"),
@@ -55,9 +52,8 @@ pub fn figures(log: &Log) -> Figures {
             releases(log).iter().enumerate().map(release_row),
         ),
         rows("messages", kinds(log)),
-    ];
-    figures.extend(gaps(log));
-    figures.into()
+        gaps(log),
+    ])
 }
 
 fn release_row((index, release): (usize, &Release)) -> [Figure; 4] {
@@ -93,28 +89,14 @@ fn kinds(log: &Log) -> Vec<[Figure; 4]> {
 }
 
 /// Where frames of the vehicle are missing: all of them, and some in words.
-fn gaps(log: &Log) -> [Figure; 2] {
-    let gaps = log
-        .entries
-        .iter()
-        .filter(|entry| entry.from_vehicle && entry.lost_before > 0);
+fn gaps(log: &Log) -> Figure {
+    let entries = log.entries.iter();
+    let gaps = entries.filter(|entry| entry.from_vehicle && entry.lost_before > 0);
     let gaps: Vec<(f64, u64)> = gaps
         .map(|e| (log.time_s(e.time_us), e.lost_before))
         .collect();
-    let mut words: Vec<_> = gaps
-        .iter()
-        .take(GAPS_SHOWN)
-        .map(|gap| format!("{:.1} s", gap.0))
-        .collect();
-    if gaps.len() > GAPS_SHOWN {
-        words.push(format!("{} more", gaps.len() - GAPS_SHOWN));
-    }
-    let words = if words.is_empty() {
-        "none".into()
-    } else {
-        words.join(", ")
-    };
-    [data("gaps", &gaps), shown("gaps at", words)]
+    let words = some(gaps.iter().map(|gap| format!("{:.1} s", gap.0)));
+    data("gaps", &gaps).said("gaps at", words)
 }
 
 /// Every stretch of a log in which control was active; one of less than two steps is none.

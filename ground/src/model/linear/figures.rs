@@ -2,7 +2,7 @@
 
 use nalgebra::Complex;
 use plant::linear::Rank;
-use serde::Serialize;
+use serde_json::json;
 
 use super::Analysis;
 use report::measure::{Figure, Figures, data, figure, note, rows, shown};
@@ -105,9 +105,22 @@ impl Analysis {
         let margins = open.margins();
         let (gain, phase) = (margins.gain, margins.phase);
         let margin = |key, value: Option<f64>, label, unit, decimals| {
-            let shown = figure(key, value).shown(label, unit, decimals);
-            shown.or("no crossing")
+            figure(key, value)
+                .shown(label, unit, decimals)
+                .or("no crossing")
         };
+        let (gain_db, gain_at) = gain.map(|m| (m.db, m.at_rad_s)).unzip();
+        let (phase_deg, phase_at) = phase.map(|m| (m.deg, m.at_rad_s)).unzip();
+        let delay_s = phase.map(|m| m.delay_s);
+        let sensitivity = figure("peak_sensitivity", margins.peak_sensitivity);
+        let margins = [
+            margin("gain_margin_db", gain_db, "gain margin", "dB", 1),
+            margin("gain_margin_at_rad_s", gain_at, "  at", "rad/s", 1),
+            margin("phase_margin_deg", phase_deg, "phase margin", "deg", 1),
+            margin("phase_margin_at_rad_s", phase_at, "  at", "rad/s", 1),
+            margin("delay_margin_s", delay_s, "delay margin", "ms", 0).scaled(1e3),
+            sensitivity.shown("peak sensitivity", "", 2),
+        ];
         let delays_s = [
             figure("sensor_to_pulse", open.delay_s),
             figure("rate_filter", 1.0 / open.rate_filter_rad_s),
@@ -121,46 +134,7 @@ impl Analysis {
                 data("kp", &self.gains.0).said("gain kp of the loop", self.gains.0.to_string()),
                 data("kd", &self.gains.1).said("gain kd of the loop", self.gains.1.to_string()),
                 figure("delays_s", delays_s),
-                figure(
-                    "margins",
-                    [
-                        margin("gain_margin_db", gain.map(|m| m.db), "gain margin", "dB", 1),
-                        margin(
-                            "gain_margin_at_rad_s",
-                            gain.map(|m| m.at_rad_s),
-                            "gain margin at",
-                            "rad/s",
-                            1,
-                        ),
-                        margin(
-                            "phase_margin_deg",
-                            phase.map(|m| m.deg),
-                            "phase margin",
-                            "deg",
-                            1,
-                        ),
-                        margin(
-                            "phase_margin_at_rad_s",
-                            phase.map(|m| m.at_rad_s),
-                            "phase margin at",
-                            "rad/s",
-                            1,
-                        ),
-                        margin(
-                            "delay_margin_s",
-                            phase.map(|m| m.delay_s),
-                            "delay margin",
-                            "ms",
-                            0,
-                        )
-                        .scaled(1e3),
-                        figure("peak_sensitivity", margins.peak_sensitivity).shown(
-                            "peak sensitivity",
-                            "",
-                            2,
-                        ),
-                    ],
-                ),
+                figure("margins", margins),
                 complex(
                     "closed_loop_poles",
                     &self.closed_poles(),
@@ -172,15 +146,8 @@ impl Analysis {
     }
 }
 
-/// A complex number as JSON has it.
-#[derive(Serialize)]
-struct Parts {
-    re: f64,
-    im: f64,
-}
-
 fn complex(key: &'static str, values: &[Complex<f64>], label: &str) -> Figure {
-    let parts = values.iter().map(|z| Parts { re: z.re, im: z.im });
+    let parts = values.iter().map(|z| json!({ "re": z.re, "im": z.im }));
     data(key, &parts.collect::<Vec<_>>()).said(label, complex_list(values))
 }
 
