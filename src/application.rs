@@ -24,9 +24,9 @@ pub const PACKET_BYTES: usize = 64;
 
 /// The loop turns this often at least while the sensor is set up, while something is to be asked of
 /// it, and while its bus is late or to be repaired, us.
-const CARE_US: u64 = 1_000;
+const BUSY_TURN_US: u64 = 1_000;
 /// The loop turns this often at least, us: the host's port looks after itself now and then.
-const CALM_US: u64 = 10_000;
+const IDLE_TURN_US: u64 = 10_000;
 
 /// What the main loop wakes up for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,8 +46,8 @@ pub enum Event {
 /// How a transfer ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outcome {
-    /// When it was started; for a burst of the rates alone, when a whole one would have been that
-    /// reads them at the same moment.
+    /// Start of the transfer. A burst of the rates alone is dated back to when a whole burst would
+    /// have started.
     pub started: Micros,
     /// Whether it went well. What was read is then the board's [`answer`](Board::answer).
     pub result: Result<(), BusError>,
@@ -213,7 +213,7 @@ impl<'a, S: Imu> Application<'a, S> {
             && self.sensor.is_sampling()
             && event != Event::Missed
             && !self.telemetry.has_storage_order();
-        now.after(if is_calm { CALM_US } else { CARE_US })
+        now.after(if is_calm { IDLE_TURN_US } else { BUSY_TURN_US })
     }
 
     /// Estimate, act, send the pulses, and look after the rest.

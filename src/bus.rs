@@ -100,10 +100,10 @@ pub trait Wire {
 /// Who started a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// The tick's interrupt, for the rates `alone` or for all.
+    /// The tick's interrupt.
     Tick {
         /// The burst reads the rates alone.
-        alone: bool,
+        rates_only: bool,
     },
     /// The main loop.
     Loop,
@@ -247,17 +247,17 @@ impl<W: Wire> Master<W> {
     /// went well and that the main loop, being late, has not collected is overtaken: the burst is
     /// worth more, and the driver asks again.
     #[must_use]
-    pub fn start_burst(&mut self, now: Micros, alone: bool) -> bool {
+    pub fn start_burst(&mut self, now: Micros, rates_only: bool) -> bool {
         let active = self.active.as_ref();
         let free = active.is_none_or(|active| matches!(active.step, Step::Done(Ok(()))));
         // A STOP that takes longer than is waited for here costs the burst.
         if free
-            && let Some(&Some(burst)) = self.armed.get(usize::from(alone))
+            && let Some(&Some(burst)) = self.armed.get(usize::from(rates_only))
             && (self.broken || self.wire.wait_idle().is_ok())
         {
             // The loop arms the next when it has seen this one.
             self.armed = [None; 2];
-            return self.start(burst, Origin::Tick { alone }, now);
+            return self.start(burst, Origin::Tick { rates_only }, now);
         }
         false
     }

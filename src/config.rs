@@ -68,8 +68,8 @@ pub const COS_FAILSAFE_TILT_Q30: i32 = 1 << 29;
 /// flight.
 pub const FAILSAFE_TILT_US: u64 = 100_000;
 
-/// Acceleration below `BURNOUT_ACC` that ends control, us: longer than an engine that chugs or a
-/// burst of bad samples.
+/// How long the acceleration must stay below `BURNOUT_ACC` to end control, us: longer than a chug
+/// of the engine or a run of bad samples.
 pub const BURNOUT_US: u64 = 200_000;
 
 /// Standard deviation of the tilt on the pad, deg: an accelerometer calibrated to 5 mg.

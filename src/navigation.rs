@@ -51,7 +51,7 @@ words! {
         /// Time since the field was new, us, up to [`FIELD_LOST_US`].
         field_age_us: u32,
         /// Time for which the newest rates have not been integrated yet, us.
-        owed_us: u32,
+        unintegrated_us: u32,
         blow: Blow,
         bias: Bias,
     }
@@ -175,7 +175,7 @@ impl Navigation {
         Kept {
             estimate: self.estimator.start(),
             field_age_us,
-            owed_us: 0,
+            unintegrated_us: 0,
             blow: Blow::default(),
             bias: Bias::Unknown(0),
         }
@@ -236,7 +236,7 @@ impl Navigation {
         };
         state.rate_age_us = sample.rates.map(|rates| rates.age_us);
         state.refresh_us = sample.refresh_us;
-        if sample.rates.is_some() || state.kept.owed_us != 0 {
+        if sample.rates.is_some() || state.kept.unintegrated_us != 0 {
             let elapsed_us = sample.rates.map_or(0, |rates| rates.elapsed_us);
             if is_free {
                 self.coast(state, elapsed_us);
@@ -269,7 +269,7 @@ impl Navigation {
         // Words that were told by no estimator would overflow.
         let is_possible = self.estimator.accepts(&kept.estimate)
             && kept.field_age_us <= FIELD_LOST_US
-            && u64::from(kept.owed_us) <= ESTIMATOR_GAP_US
+            && u64::from(kept.unintegrated_us) <= ESTIMATOR_GAP_US
             && kept.blow.is_possible();
         state.kept = if is_possible {
             kept
@@ -375,10 +375,10 @@ impl Navigation {
         // Two periods without a missed sample are those of a vehicle at rest, whose rates were the
         // same twice. The second has time until a tick without new rates.
         let period_us = state.refresh_us;
-        let due_us = elapsed_us + mem::take(&mut state.kept.owed_us);
+        let due_us = elapsed_us + mem::take(&mut state.kept.unintegrated_us);
         if dt_us <= LONGEST_STEP_US && due_us <= 2 * period_us && period_us <= LONGEST_STEP_US {
             let step_us = due_us.min(period_us);
-            state.kept.owed_us = due_us - step_us;
+            state.kept.unintegrated_us = due_us - step_us;
             return self
                 .estimator
                 .update(&mut state.kept.estimate, step_us, counts);
@@ -407,7 +407,7 @@ impl Navigation {
     /// it takes whole.
     #[inline(never)]
     fn coast(&self, state: &mut State, elapsed_us: u32) {
-        let mut due_us = elapsed_us + mem::take(&mut state.kept.owed_us);
+        let mut due_us = elapsed_us + mem::take(&mut state.kept.unintegrated_us);
         while due_us > 0 {
             let step_us = due_us.min(ESTIMATOR_PERIOD_US);
             self.estimator

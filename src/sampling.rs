@@ -22,7 +22,7 @@ pub struct Tick {
     /// The next pulse carries its step.
     pub is_carried: bool,
     /// Its burst reads the rates alone.
-    pub alone: bool,
+    pub rates_only: bool,
 }
 
 /// The newest tick and its burst.
@@ -52,9 +52,9 @@ impl Sampling {
     /// A tick has come. Where the step of the one before is still to come, it goes without a
     /// sample.
     pub fn tick(&mut self, tick: Tick, timing: &Timing) -> Option<Event> {
-        let is_overtaken = self.tick.came(tick.at, tick.alone, timing);
+        let is_overtaken = self.tick.came(tick.at, tick.rates_only, timing);
         if tick.is_carried {
-            self.carried_at = before(tick.at, timing.later_us(tick.alone));
+            self.carried_at = before(tick.at, timing.later_us(tick.rates_only));
         }
         is_overtaken.then_some(Event::Missed)
     }
@@ -66,10 +66,10 @@ impl Sampling {
             mut outcome,
             took_us,
         } = completion;
-        let alone = origin == Origin::Tick { alone: true };
-        outcome.started = before(outcome.started, timing.later_us(alone));
+        let rates_only = origin == Origin::Tick { rates_only: true };
+        outcome.started = before(outcome.started, timing.later_us(rates_only));
         match (origin, outcome.result) {
-            (Origin::Tick { alone: false }, Ok(())) => {
+            (Origin::Tick { rates_only: false }, Ok(())) => {
                 if self.halted > 0 {
                     self.halted -= 1;
                 } else {
@@ -181,11 +181,11 @@ mod tests {
         (Sampling::new(Micros(0)), timing)
     }
 
-    fn tick(alone: bool) -> Tick {
+    fn tick(rates_only: bool) -> Tick {
         Tick {
             at: LATER,
-            is_carried: alone,
-            alone,
+            is_carried: rates_only,
+            rates_only,
         }
     }
 
@@ -203,7 +203,7 @@ mod tests {
     #[test]
     fn a_burst_is_its_steps_once() {
         let (mut sampling, timing) = sampling();
-        let origin = Origin::Tick { alone: false };
+        let origin = Origin::Tick { rates_only: false };
         assert_eq!(sampling.tick(tick(false), &timing), None);
         let burst = over(origin, Ok(()));
         assert_eq!(sampling.over(burst, &timing), Event::Burst(burst.outcome));
@@ -220,7 +220,7 @@ mod tests {
         assert_eq!(sampling.none_over(before(due, 1)), Ok(Event::Nothing));
         assert_eq!(sampling.none_over(due), Ok(Event::Missed));
         assert_eq!(sampling.none_over(due), Ok(Event::Nothing));
-        let burst = over(Origin::Tick { alone: false }, Ok(()));
+        let burst = over(Origin::Tick { rates_only: false }, Ok(()));
         assert_eq!(sampling.over(burst, &timing), Event::Late(burst.outcome));
         // A second tick overtakes the first one's step.
         assert_eq!(sampling.tick(tick(false), &timing), None);
@@ -237,7 +237,7 @@ mod tests {
         let whole = before(LATER, timing.later_us(true));
         assert!(whole < LATER);
         assert_eq!(sampling.carried_at(), whole);
-        let event = sampling.over(over(Origin::Tick { alone: true }, Ok(())), &timing);
+        let event = sampling.over(over(Origin::Tick { rates_only: true }, Ok(())), &timing);
         let expected = Outcome {
             started: whole,
             result: Ok(()),
@@ -248,7 +248,7 @@ mod tests {
     #[test]
     fn bursts_beside_a_write_of_flash_are_not_measured_and_errors_are_counted() {
         let (mut sampling, timing) = sampling();
-        let origin = Origin::Tick { alone: false };
+        let origin = Origin::Tick { rates_only: false };
         sampling.halted();
         for _ in 0..u32::from(HALTED_BURSTS) + BurstGauge::WINDOW - 1 {
             let _ = sampling.over(over(origin, Ok(())), &timing);

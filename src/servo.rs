@@ -39,9 +39,9 @@ pub fn neutral(params: &Params) -> [PulseUs; Axis::COUNT] {
     })
 }
 
-/// [`neutral`], as it is to be before anything else is decided. Where what was stored is lost,
-/// nobody knows which axes the vehicle has: all of them get a pulse, since a servo without one
-/// stays where it was when the chip was reset.
+/// The pulses sent at power-on: [`neutral`]. If the stored parameters are lost, nobody knows which
+/// axes the vehicle has. Then every axis gets a pulse, because a servo without a pulse stays where
+/// it was when the chip was reset.
 pub fn first_pulses(params: &Params, stored: Loaded) -> [PulseUs; Axis::COUNT] {
     match stored {
         Loaded::Corrupt => Axis::ALL.map(|axis| Servo::new(params, axis).neutral_pulse()),

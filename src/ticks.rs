@@ -37,14 +37,14 @@ const BURST_RESERVE_US: u32 = 1_000;
 const SHORTEST_US: u32 = 6_500;
 
 /// Longest time between two ticks with which the drone is flown, us.
-const LONGEST_US: u32 = 10_000;
+const LONGEST_TICK_US: u32 = 10_000;
 
 /// Between two ticks beside the burst and a short transfer, us, at least: a STOP, which the sensor
 /// holds up as it does its bytes.
 const STOP_US: u32 = 190;
 
-/// Between the two beside that, us: another STOP, and half a step, in the middle of which the short
-/// transfer begins.
+/// Spare time for a short transfer that starts in the middle of a step, us: another STOP (190) and
+/// half a turn of the loop (490).
 const HALF_STEP_US: u32 = 680;
 
 /// Clock stretching of a byte that is allowed for beyond the mean, us, when a short transfer is put
@@ -128,17 +128,17 @@ impl Timing {
     /// Whether the sensor's bus is too slow to fly with: less than 100 bursts a second, each with a
     /// verification behind it.
     pub const fn is_too_slow(&self) -> bool {
-        self.needed_us() > LONGEST_US
+        self.needed_us() > LONGEST_TICK_US
     }
 
-    /// Shortest time between two ticks, us. Where that makes the difference to [`LONGEST_US`], not
+    /// Shortest time between two ticks, us. Where that makes the difference to [`LONGEST_TICK_US`], not
     /// every burst is followed by a short transfer.
     fn shortest_us(&self) -> u32 {
         if self.is_too_slow() {
             return self.needed_us();
         }
         // Three frames at 300 Hz are 9,999 us.
-        (self.needed_us() + HALF_STEP_US).clamp(SHORTEST_US, LONGEST_US - 1)
+        (self.needed_us() + HALF_STEP_US).clamp(SHORTEST_US, LONGEST_TICK_US - 1)
     }
 
     const fn needed_us(&self) -> u32 {
@@ -256,7 +256,7 @@ impl TickPlan {
     pub const MOST_TICKS: u8 = 3;
     /// Longest time that is left for a burst, us. One that takes longer is too old for its step
     /// anyway, and the watchdog's early warning comes after three such steps.
-    const LONGEST_US: u32 = 20_000;
+    const LONGEST_FRAME_US: u32 = 20_000;
 
     /// As many ticks as there is time for. Where a byte is stretched by 180 us:
     ///
@@ -270,7 +270,7 @@ impl TickPlan {
     #[inline(never)]
     pub fn new(timing: &Timing) -> Self {
         let frame_us = 1_000_000 / divisor(timing.frame_hz);
-        let shortest_us = timing.shortest_us().min(Self::LONGEST_US);
+        let shortest_us = timing.shortest_us().min(Self::LONGEST_FRAME_US);
         let ticks = (frame_us / divisor(shortest_us)).clamp(1, Self::MOST_TICKS.into());
         Self {
             ticks_per_frame: ticks as u8,
@@ -453,7 +453,7 @@ impl NewestTick {
     /// Whether the timer that makes the ticks is broken: no tick has come for longer than two of
     /// the slowest take.
     pub fn is_lost(&self, now: Micros) -> bool {
-        now.since(self.at) > 2 * u64::from(TickPlan::LONGEST_US)
+        now.since(self.at) > 2 * u64::from(TickPlan::LONGEST_FRAME_US)
     }
 
     /// Whether `transfer`, begun now, is over before the next tick, `reserve_us` for its STOP and

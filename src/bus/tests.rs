@@ -212,17 +212,20 @@ fn a_transfer_has_a_deadline() {
 
 #[test]
 fn a_tick_starts_the_burst_that_is_armed_once() {
-    let origin = |alone| Origin::Tick { alone };
-    for alone in [false, true] {
+    let origin = |rates_only| Origin::Tick { rates_only };
+    for rates_only in [false, true] {
         let mut master = master();
-        assert!(!master.start_burst(Micros(1_000), alone));
+        assert!(!master.start_burst(Micros(1_000), rates_only));
         let bytes = [Signal::Byte(1); 3];
-        let bytes = &bytes[..if alone { 1 } else { 3 }];
+        let bytes = &bytes[..if rates_only { 1 } else { 3 }];
         assert!(interrupt(&mut master, &[&[ACK, ACK], bytes].concat()));
         let over = master.collect(&mut Answer::NONE.clone()).unwrap();
-        assert_eq!(over.origin, origin(alone));
+        assert_eq!(over.origin, origin(rates_only));
         let told = master.wire.told.len();
-        assert!(!master.start_burst(Micros(9_000), alone), "not armed again");
+        assert!(
+            !master.start_burst(Micros(9_000), rates_only),
+            "not armed again"
+        );
         assert_eq!(master.wire.told.len(), told);
     }
 }

@@ -47,8 +47,8 @@ pub enum State {
 }
 
 impl State {
-    /// A state whose code is all that its future depends on; where it is a sensor's, the fault is
-    /// any. `None` before standby, and for what is to be acknowledged.
+    /// The state of a code, where the code says enough. A sensor fault comes back as any of its
+    /// kind. `None` before standby, and for a fault that is to be acknowledged.
     pub(super) fn resumed(code: StateCode) -> Option<Self> {
         Some(match code {
             StateCode::Standby => State::Standby,

@@ -67,10 +67,10 @@ impl Settings {
     }
 }
 
-/// What a unit of the acceleration's sum is, counts times microseconds: this power of two.
-const FELT_BITS: u32 = 20;
-/// The same in cm/s.
-const FELT_CM_S: f32 = (1 << FELT_BITS) as f32 * 1e-6;
+/// The impulse counts units of 2^20 count-microseconds.
+const IMPULSE_BITS: u32 = 20;
+/// One unit of the impulse, cm/s.
+const IMPULSE_CM_S: f32 = (1 << IMPULSE_BITS) as f32 * 1e-6;
 
 words! {
     /// Follows the flight from the pad to the end of control.
@@ -84,10 +84,10 @@ words! {
         newest: Micros,
         /// The engine has been seen to burn.
         has_burned: bool,
-        /// Sum of the acceleration that was felt along the axis, [`FELT_CM_S`] each.
-        felt: i32,
-        /// What is less than one of it, counts times microseconds.
-        felt_rest: i32,
+        /// Acceleration along the axis, summed over time, [`IMPULSE_CM_S`] each.
+        impulse: i32,
+        /// The part of a unit that is left over, count-microseconds.
+        impulse_rest: i32,
     }
 }
 
@@ -128,7 +128,7 @@ impl Launch {
                 Some(Event::Launch)
             }
             State::Active { .. } => {
-                self.feel(acceleration, elapsed_us);
+                self.add_impulse(acceleration, elapsed_us);
                 if self.released.is_none() {
                     // An order that comes under thrust is late.
                     self.released = Some(self.since.take().unwrap_or(at));
@@ -174,7 +174,7 @@ impl Launch {
     #[inline(never)]
     pub(crate) fn tilt_sd_deg(&self, params: &Params) -> f32 {
         let seconds = f32::from(self.seconds());
-        let g_seconds = self.felt as f32 * (FELT_CM_S / 980.665);
+        let g_seconds = self.impulse as f32 * (IMPULSE_CM_S / 980.665);
         let offset = GYR_OFFSET_SD_DEG_S * seconds;
         let bent = params.gyr_per_g() * g_seconds;
         let noise = GYR_NOISE_DEG_RTS * GYR_NOISE_DEG_RTS * seconds;
@@ -191,11 +191,12 @@ impl Launch {
         self.has_burned && at.since(*self.since.get_or_insert(at)) >= BURNOUT_US
     }
 
-    fn feel(&mut self, acceleration: i32, elapsed_us: i32) {
+    fn add_impulse(&mut self, acceleration: i32, elapsed_us: i32) {
         // An i16 of counts over a tenth of a second at most, in parts that fit 32 bits.
-        let felt = acceleration.clamp(-20_000, 20_000) * elapsed_us.min(100_000) + self.felt_rest;
-        self.felt_rest = felt & ((1 << FELT_BITS) - 1);
-        self.felt = self.felt.saturating_add(felt >> FELT_BITS);
+        let impulse =
+            acceleration.clamp(-20_000, 20_000) * elapsed_us.min(100_000) + self.impulse_rest;
+        self.impulse_rest = impulse & ((1 << IMPULSE_BITS) - 1);
+        self.impulse = self.impulse.saturating_add(impulse >> IMPULSE_BITS);
     }
 
     fn forget(&mut self) {

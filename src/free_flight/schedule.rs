@@ -25,7 +25,7 @@ impl GainSchedule {
         schedule
     }
 
-    /// Take over the parameters' rows. Such as cannot be leave the old ones in force.
+    /// Load the parameters' rows. If their times do not rise, the old rows stay in force.
     // Not inlined: who calls it needs the stack for more.
     #[inline(never)]
     pub(crate) fn configure(&mut self, params: &Params) {

@@ -172,7 +172,7 @@ pub(crate) fn stop(check: SelfCheck) -> ! {
 pub(crate) fn refuse_to_start(check: SelfCheck) -> ! {
     let kept = KeptNeutral::read().filter(|_| dfll::is_as_meant());
     if let Some(counts) = kept {
-        frame::send_alone(counts);
+        frame::send_pulses(counts);
     }
     Record::new(SELF_CHECK, check.code().into()).store();
     if kept.is_some() {

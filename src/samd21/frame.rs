@@ -296,7 +296,7 @@ fn reset() -> bool {
 /// Send these pulses, in counts, 50 times a second without a tick: for an image that is not to do
 /// more. Widths that no servo answers to send no pulse. The code that sets the timer up may be
 /// damaged: the pulses go out only if the timer's registers read back as meant.
-pub(crate) fn send_alone(counts: [u32; Axis::COUNT]) {
+pub(crate) fn send_pulses(counts: [u32; Axis::COUNT]) {
     const LAST_COUNT: u32 = COUNTS_PER_US * 20_000 - 1;
     let timer = frame_registers();
     let mut is_right = reset();
@@ -443,7 +443,7 @@ pub(crate) fn end_in_neutral(broken: bool) {
     if RUNNING.load(Ordering::Acquire) && (broken || !begins()) {
         end_pulses();
         clock_frame_again();
-        send_alone(
+        send_pulses(
             NEUTRAL
                 .each_ref()
                 .map(|place| place.load(Ordering::Relaxed)),
@@ -510,16 +510,16 @@ fn TCC0() {
     FRAMES.store(if last && due { 0 } else { frames }, Ordering::Relaxed);
     if due {
         let at = now();
-        let alone = last && IS_SPLIT.load(Ordering::Relaxed);
-        i2c::start_burst(at, alone);
+        let rates_only = last && IS_SPLIT.load(Ordering::Relaxed);
+        i2c::start_burst(at, rates_only);
         // The burst's end wakes the main loop, or its being late does.
-        if let Some(limit_us) = BURST_LIMITS_US.get(usize::from(alone)) {
+        if let Some(limit_us) = BURST_LIMITS_US.get(usize::from(rates_only)) {
             time::wake_before(at.after(limit_us.load(Ordering::Relaxed).into()));
         }
         let tick = Tick {
             at,
             is_carried: last,
-            alone,
+            rates_only,
         };
         critical_section::with(|cs| TICK.borrow(cs).set(Some(tick)));
     }

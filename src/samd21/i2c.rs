@@ -229,8 +229,8 @@ impl Bus {
 }
 
 /// A tick has come: start its burst.
-pub(crate) fn start_burst(time: Micros, alone: bool) {
-    wake_if(with_master(|master| master.start_burst(time, alone)));
+pub(crate) fn start_burst(time: Micros, rates_only: bool) {
+    wake_if(with_master(|master| master.start_burst(time, rates_only)));
 }
 
 /// The wire has done what it was told; for the handler of the interrupt of the board's SERCOM.
