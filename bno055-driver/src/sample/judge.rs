@@ -104,7 +104,7 @@ impl Inspector {
         time: Micros,
         bytes: &[u8],
     ) -> Result<Judged, SensorFault> {
-        let whole = rates_burst(config.mode).is_none() || bytes.len() != usize::from(RATES);
+        let whole = bytes.len() != usize::from(RATES) || rates_burst(config.mode).is_none();
         let now = if whole {
             words(config.mode, bytes)
         } else {
