@@ -11,10 +11,7 @@ use tvc_imu::Transfer;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Absent {}
 
-pub use Absent as Answer;
-pub use Absent as Profile;
-pub use Absent as Request;
-pub use Absent as SoftIron;
+pub use self::{Absent as Answer, Absent as Profile, Absent as Request, Absent as SoftIron};
 
 impl Absent {
     pub(crate) const fn needs_config(self) -> bool {

@@ -39,7 +39,8 @@ const CLOCK_SWITCH_US: u64 = 10_000;
 /// PWR_MODE: everything off but the registers (data sheet section 3.2.3).
 const SUSPEND: u8 = 2;
 
-/// A step of the set-up; [`Startup::transfer`] has what each asks of the bus, [`Startup::judge`] what follows it.
+/// A step of the set-up: [`Startup::transfer`] has what each asks of the bus, and
+/// [`Startup::judge`] what follows it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum SetupStep {
     /// Selects page 0, and so learns whether the chip answers.
