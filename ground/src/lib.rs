@@ -12,6 +12,7 @@
 )]
 
 pub mod arguments;
+pub mod campaign;
 pub mod cli;
 pub mod config;
 pub mod filters;

@@ -1,38 +1,39 @@
 //! `lab faults`: faults of the sensor, its cable, the chip, the program and the host, at random
 //! instants of a flight; and sound vehicles, whose defences are to leave them alone.
 
+mod named;
 mod options;
 pub mod report;
 mod scenario;
 pub mod summary;
 pub mod table;
 
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use indicatif::{ProgressBar, ProgressStyle};
-use rayon::prelude::*;
+use indicatif::ProgressBar;
 use rig::faults::{Campaign, Case, Kind, Outcome, Phase, Plan, Sound};
 use rig::flight::FlightError;
 use rig::{Image, ServoKind, Setup, Ticks, prepare};
+use serde::{Deserialize, Serialize};
 
 use ::report::exit::{BadInput, Verdict};
 use ::report::file::write_table;
-use ::report::kind::{self, Kind as FileKind};
+use ::report::kind;
 use ::report::measure::{Figures, figure};
+use ground::campaign::{carry_out, read_run};
 use ground::flight::vehicle::VehicleKind;
 pub use options::Faults;
-use options::{FaultsCommand, Merge, Rerun};
+use options::{FaultsCommand, Rerun};
 pub use scenario::Scenario;
 use table::{End, Row};
 
+/// What pages are named.
+const NAME: &str = "faults";
 /// Runs of each kind where their number is not given.
 const RUNS_OF_EACH: u32 = 50;
 /// Instants at which each bit of the timer flips where the number of runs is not given.
 const INSTANTS: u32 = 20;
-/// Where the page goes if no place is named.
-const REPORT: &str = "report/faults.html";
 /// Runs of each kind, vehicle, servo and phase of sound vehicles.
 const SOUND_OF_EACH: u32 = 2;
 /// Unsafe runs that are written as files.
@@ -42,88 +43,91 @@ const WRITTEN: usize = 100;
 pub fn run(options: &Faults) -> Result<Verdict> {
     match &options.command {
         None => fly(options),
-        Some(FaultsCommand::Merge(options)) => merge(options),
+        Some(FaultsCommand::Merge(options)) => options.run(NAME, |rows| present(rows, None)),
         Some(FaultsCommand::Rerun(options)) => rerun(options),
     }
 }
 
 /// What is flown, and what its faults disturb.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Flown {
-    /// What is tried.
-    pub plan: Plan,
-    /// What hangs on the rig.
-    pub vehicle: VehicleKind,
-    /// Its servo.
-    pub servo: ServoKind,
-    /// What it does when a fault begins.
-    pub phase: Phase,
-    /// What the parts are like, as `--hardware` takes it.
-    pub hardware: String,
     /// Of all that is random.
     pub seed: u64,
+    /// What is tried.
+    #[serde(rename = "campaign", with = "named")]
+    pub plan: Plan,
+    /// What hangs on the rig.
+    #[serde(with = "named::choice")]
+    pub vehicle: VehicleKind,
+    /// Its servo.
+    #[serde(with = "named::choice")]
+    pub servo: ServoKind,
+    /// What the parts are like, as `--hardware` takes it.
+    pub hardware: String,
+    /// What it does when a fault begins.
+    #[serde(with = "named")]
+    pub phase: Phase,
     /// Length of a run of a sound vehicle, s, if it is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<u16>,
+}
+
+/// The figures and the page of a campaign's rows.
+fn present(rows: &[Row], wall_s: Option<f64>) -> Result<(Figures, String)> {
+    let figures = summary::figures(rows, wall_s);
+    let page = report::render(&figures, rows)?;
+    Ok((figures, page))
 }
 
 /// Carries out the campaign, prints its table, and names every unsafe run.
 fn fly(options: &Faults) -> Result<Verdict> {
     let all = options.flown()?;
-    let report = kind::given_or(options.report.as_deref(), REPORT, FileKind::Page)?;
+    let report = options.output.page(NAME)?;
     kind::try_folder(&options.unsafe_runs)?;
     let begun = Instant::now();
     let mut of_shard = Shard::of(options, &all)?;
     let image = options.image.image()?;
-    let mut rows = Vec::new();
+    let (mut rows, mut bad) = (Vec::new(), Vec::new());
     for flown in &all {
-        let campaign = campaign(&image, flown)?;
-        let cases = of_shard.cases(options, flown, &campaign);
-        rows.extend(carry_out(&campaign, &cases, flown, options)?);
+        let base = Base::new(&image, flown)?;
+        let cases = of_shard.cases(options, flown, &base);
+        let flown_rows = carry_out("runs", &cases, options.campaign.jobs, |case| {
+            base.row(flown, *case)
+        })?;
+        for (case, row) in cases.iter().zip(&flown_rows) {
+            if row.end.is_bad() {
+                bad.push((Scenario::new(flown, *case, &image), row.clone()));
+            }
+        }
+        rows.extend(flown_rows);
     }
     if rows.is_empty() {
         return Err(BadInput::new("--shard: this part of the campaign has no run").into());
     }
-    let figures = summary::figures(&rows, Some(begun.elapsed().as_secs_f64()));
-    let page = report::render(&figures, &rows)?;
-    let verdict = figures.conclude(options.json, Some((&report, page)));
-    // What cannot be written is complained of when everything else has been handed over.
-    let mut written = write_table(options.out.as_deref(), &rows);
-    let bad = rows.iter().filter(|row| row.end.is_bad());
-    for (place, row) in bad.enumerate() {
+    let (figures, page) = present(&rows, Some(begun.elapsed().as_secs_f64()))?;
+    let mut verdict = options.output.conclude(&rows, &figures, (&report, page));
+    for (place, (scenario, row)) in bad.iter().enumerate() {
         let how = match row.end {
             End::Alarmed => "alarmed",
             _ => "unsafe",
         };
         eprintln!("{how}: {}: {}", row.story(), row.why);
         if place < WRITTEN {
-            let scenario = Scenario::new(options.hardware.text(), row);
-            let path = scenario.write(&options.unsafe_runs, place + 1, row);
-            let told = path.map(|path| eprintln!("  again: lab faults rerun {}", path.display()));
-            written = written.and(told);
+            let path = scenario.write(&options.unsafe_runs, row);
+            let told =
+                path.map(|path| eprintln!("  again: cargo lab faults rerun {}", path.display()));
+            verdict = verdict.and_then(|verdict| told.map(|()| verdict));
         }
     }
-    written.and(verdict)
-}
-
-/// Joins the tables of shards.
-fn merge(options: &Merge) -> Result<Verdict> {
-    let files: Vec<&Path> = options.files.iter().map(AsRef::as_ref).collect();
-    if let Some(out) = &options.out {
-        kind::keep_apart(out, files.iter().copied())?;
-    }
-    let report = kind::given_or(options.report.as_deref(), REPORT, FileKind::Page)?;
-    let rows = table::merge(&files)?;
-    let figures = summary::figures(&rows, None);
-    let page = report::render(&figures, &rows)?;
-    let verdict = figures.conclude(options.json, Some((&report, page)));
-    write_table(options.out.as_deref(), &rows).and(verdict)
+    verdict
 }
 
 /// Carries out one run again.
 fn rerun(options: &Rerun) -> Result<Verdict> {
-    let (flown, case) = Scenario::read(&options.file)?;
-    let outcome = campaign(&options.image.image()?, &flown)?.run(case)?;
-    let row = Row::new(&flown, &outcome);
+    let scenario = read_run(&options.file, Scenario::parse)?;
+    let image = options.image.image()?;
+    let (flown, case) = scenario.flown(&image);
+    let row = Base::new(&image, flown)?.row(flown, case)?;
     let figures = summary::figures(std::slice::from_ref(&row), None);
     let said = Figures::from([
         figure("run", row.story()).shown("run", "", 0),
@@ -133,7 +137,8 @@ fn rerun(options: &Rerun) -> Result<Verdict> {
     if !options.json {
         eprint!("{}", said.text());
     }
-    figures.conclude(options.json, None)
+    let verdict = figures.conclude(options.json, None);
+    write_table(options.out.as_deref(), &[row]).and(verdict)
 }
 
 /// What runs are carried out on.
@@ -145,12 +150,45 @@ enum Base {
 }
 
 impl Base {
+    /// The flight, or another phase, that is to be disturbed, or the vehicle that is sound.
+    fn new(image: &Image, flown: &Flown) -> Result<Self> {
+        let mut setup = Setup::with_polarity(flown.servo, flown.seed);
+        setup.rig.hardware = flown.hardware.parse().map_err(BadInput::new)?;
+        flown.vehicle.hang(&mut setup.rig)?;
+        if flown.plan == Plan::Sound {
+            let sound = Sound::new(image, setup, flown.phase).with_hardware(&flown.hardware);
+            let sound = sound.map_err(BadInput::new)?;
+            let sound = match flown.seconds {
+                Some(seconds) => sound.lasting(Ticks::from_ms(1000 * u64::from(seconds))),
+                None => sound,
+            };
+            return Ok(Self::Sound(Box::new(sound)));
+        }
+        let bar = ProgressBar::new_spinner()
+            .with_message("boot and flight, or another phase, without a fault");
+        bar.enable_steady_tick(Duration::from_millis(120));
+        let ready = prepare(image, &setup, &mut |_| {})?;
+        let frame_hz = f64::from(flown.servo.frame_hz());
+        let campaign = Campaign::new(&ready, frame_hz, flown.phase, flown.seed)
+            .with_context(|| format!("phase {}, which is to be disturbed", flown.phase))?;
+        bar.finish_and_clear();
+        Ok(Self::Faults(Box::new(campaign.by(flown.plan))))
+    }
+
     fn run(&self, case: Case) -> Result<Outcome, FlightError> {
         match (self, case.kind) {
             (Self::Sound(sound), Kind::Sound(kind)) => sound.run(kind, case.number),
             (Self::Sound(_), _) => unreachable!("the plan has kinds of sound vehicles alone"),
             (Self::Faults(campaign), _) => campaign.run(case),
         }
+    }
+
+    /// The row of a run: the same for the same image, whatever was run before or beside it.
+    fn row(&self, flown: &Flown, case: Case) -> Result<Row> {
+        let outcome = self.run(case);
+        let outcome =
+            outcome.with_context(|| format!("run {} of fault {}", case.number, case.kind));
+        Ok(Row::new(flown, &outcome?))
     }
 
     /// How many bits of the servo timer there are to flip.
@@ -160,29 +198,6 @@ impl Base {
             Self::Sound(_) => 0,
         }
     }
-}
-
-/// The flight, or another phase, that is to be disturbed, or the vehicle that is sound.
-fn campaign(image: &Image, flown: &Flown) -> Result<Base> {
-    let mut setup = Setup::with_polarity(flown.servo, flown.seed);
-    setup.rig.hardware = flown.hardware.parse().map_err(BadInput::new)?;
-    flown.vehicle.hang(&mut setup.rig)?;
-    if flown.plan == Plan::Sound {
-        let sound = Sound::new(image, setup, flown.phase).with_hardware(&flown.hardware);
-        let sound = sound.map_err(BadInput::new)?;
-        let sound = match flown.seconds {
-            Some(seconds) => sound.lasting(Ticks::from_ms(1000 * u64::from(seconds))),
-            None => sound,
-        };
-        return Ok(Base::Sound(Box::new(sound)));
-    }
-    let bar = spinner("boot and flight, or another phase, without a fault");
-    let ready = prepare(image, &setup, &mut |_| {})?;
-    let frame_hz = f64::from(flown.servo.frame_hz());
-    let campaign = Campaign::new(&ready, frame_hz, flown.phase, flown.seed)
-        .with_context(|| format!("phase {}, which is to be disturbed", flown.phase))?;
-    bar.finish_and_clear();
-    Ok(Base::Faults(Box::new(campaign.by(flown.plan))))
 }
 
 /// The runs of this shard.
@@ -250,34 +265,4 @@ fn kinds(options: &Faults, flown: &Flown) -> Vec<Kind> {
         kinds.retain(|kind| options.kind.contains(kind));
     }
     kinds
-}
-
-fn carry_out(campaign: &Base, cases: &[Case], flown: &Flown, options: &Faults) -> Result<Vec<Row>> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.jobs.map_or(0, usize::from))
-        .build()?;
-    let bar = ProgressBar::new(cases.len() as u64);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} runs, {eta} to go") {
-        bar.set_style(style);
-    }
-    let rows = pool.install(|| {
-        cases
-            .par_iter()
-            .map(|&case| {
-                let outcome = campaign
-                    .run(case)
-                    .with_context(|| format!("run {} of fault {}", case.number, case.kind))?;
-                bar.inc(1);
-                Ok(Row::new(flown, &outcome))
-            })
-            .collect()
-    });
-    bar.finish_and_clear();
-    rows
-}
-
-fn spinner(what: &'static str) -> ProgressBar {
-    let bar = ProgressBar::new_spinner().with_message(what);
-    bar.enable_steady_tick(Duration::from_millis(120));
-    bar
 }

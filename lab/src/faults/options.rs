@@ -8,6 +8,7 @@ use rig::faults::{Kind, Phase, Plan};
 
 use super::Flown;
 use ground::arguments::shard;
+use ground::campaign::{CampaignOptions, Merge, Output};
 use ground::flight::hardware::HardwareChoice;
 use ground::flight::vehicle::VehicleKind;
 use ground::image::ImageOption;
@@ -31,7 +32,7 @@ Examples:
   cargo lab faults --phase saving                     chip, program and host, while parameters are stored
   cargo lab faults --runs 10000 --shard 3/16 --out part3.csv
   cargo lab faults merge part*.csv                    what many shards add up to
-  cargo lab faults rerun report/faults/unsafe-1.toml   one unsafe run again
+  cargo lab faults rerun report/faults/RUN.toml        one unsafe run again
 
 A run with a fault of the sensor or its cable is safe if the drone is back on course with control
 active (recovered), or if the firmware is in failsafe (neutral); in both cases without a missing or
@@ -109,9 +110,9 @@ pub struct Faults {
     #[arg(long, value_name = "S", requires = "sound", value_parser = clap::value_parser!(u16).range(1..=600))]
     pub seconds: Option<u16>,
 
-    /// Seed of all that is random: the sensor, and every run's instant, length and strength.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
+    /// How runs are carried out.
+    #[command(flatten)]
+    pub campaign: CampaignOptions,
 
     /// What the emulated parts are like.
     #[command(flatten)]
@@ -121,30 +122,17 @@ pub struct Faults {
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<(u64, u64)>,
 
-    /// Where to write a row for each run, which `merge` takes.
-    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
-    pub out: Option<PathBuf>,
-
     /// Folder for the unsafe runs, as files that `rerun` takes.
     #[arg(long, value_name = "FOLDER", default_value = "report/faults")]
     pub unsafe_runs: PathBuf,
-
-    /// Runs at a time [default: one for each processor core].
-    #[arg(long, value_name = "J", value_parser = clap::value_parser!(u16).range(1..=256))]
-    pub jobs: Option<u16>,
 
     /// Which image.
     #[command(flatten)]
     pub image: ImageOption,
 
-    /// Where to write the HTML report: every run, how it ended, by kind and by instant [default:
-    /// report/faults.html].
-    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
-    pub report: Option<PathBuf>,
-
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
+    /// Table, page and figures.
+    #[command(flatten)]
+    pub output: Output,
 }
 
 impl Faults {
@@ -205,7 +193,7 @@ impl Faults {
                     servo,
                     phase: *phase,
                     hardware: self.hardware.text(),
-                    seed: self.seed,
+                    seed: self.campaign.seed,
                     seconds: self.seconds,
                 }));
             }
@@ -224,26 +212,6 @@ pub enum FaultsCommand {
     Rerun(Rerun),
 }
 
-/// Options of `lab faults merge`.
-#[derive(Debug, Args)]
-pub struct Merge {
-    /// Tables that `--out` wrote.
-    #[arg(required = true, value_name = "FILE.csv")]
-    pub files: Vec<PathBuf>,
-
-    /// Where to write all rows, by kind and number.
-    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
-    pub out: Option<PathBuf>,
-
-    /// Where to write the HTML report [default: report/faults.html].
-    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
-    pub report: Option<PathBuf>,
-
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
-}
-
 /// Options of `lab faults rerun`.
 #[derive(Debug, Args)]
 pub struct Rerun {
@@ -254,6 +222,10 @@ pub struct Rerun {
     /// Which image.
     #[command(flatten)]
     pub image: ImageOption,
+
+    /// Where to write its row.
+    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
+    pub out: Option<PathBuf>,
 
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]

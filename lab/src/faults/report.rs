@@ -19,16 +19,19 @@ const SLOT_S: f64 = 0.2;
 
 /// The whole page; `rows` is not empty.
 pub fn render(figures: &Figures, rows: &[Row]) -> Result<String> {
-    let seed = rows.first().map_or(0, |row| row.seed);
-    let phase = rows.first().map_or("", |row| row.phase.as_str());
-    let campaign = rows.first().map_or("", |row| row.campaign.as_str());
-    let what = match campaign.parse() {
-        Ok(Plan::Resets | Plan::Sound) => campaign.to_owned(),
+    let Row {
+        campaign,
+        phase,
+        seed,
+        ..
+    } = rows[0];
+    let what = match campaign {
+        Plan::Resets | Plan::Sound => campaign.to_string(),
         _ => format!("{campaign} in phase {phase}"),
     };
     let title = format!("Campaign of {what}: {} runs, seed {seed}", rows.len());
     let bad: Vec<&Row> = rows.iter().filter(|row| row.end.is_bad()).collect();
-    if campaign == Plan::Sound.name() {
+    if campaign == Plan::Sound {
         return Ok(page(&title, of_sound(figures, rows, &bad)));
     }
     let mut longest: Vec<&Row> = rows.iter().collect();
@@ -169,9 +172,8 @@ fn by_instant(rows: &[Row]) -> Markup {
         let mut cells = vec![kind.name().to_owned()];
         cells.extend((0..slots).map(|slot| {
             let runs = || {
-                rows.iter().filter(move |row| {
-                    row.kind == kind.name() && (row.at_s / SLOT_S) as usize == slot
-                })
+                rows.iter()
+                    .filter(move |row| row.kind == kind && (row.at_s / SLOT_S) as usize == slot)
             };
             let ended = runs().filter(|row| row.end != End::Recovered).count();
             match runs().filter(|row| row.end == End::Unsafe).count() {
@@ -182,7 +184,7 @@ fn by_instant(rows: &[Row]) -> Markup {
         cells
     };
     let kinds = Kind::all().into_iter();
-    let flown = kinds.filter(|kind| rows.iter().any(|row| row.kind == kind.name()));
+    let flown = kinds.filter(|kind| rows.iter().any(|row| row.kind == *kind));
     html! {
         p { "Runs that did not end in control, of all at that instant." }
         (table(&head, &flown.map(of_kind).collect::<Vec<_>>()))

@@ -3,68 +3,65 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use clap::ValueEnum;
-use rig::ServoKind;
+use rig::Image;
 use rig::bench::Hardware;
-use rig::faults::{Case, Kind, Phase, Plan};
+use rig::faults::{Case, Kind};
 use serde::{Deserialize, Serialize};
 
-use super::Flown;
 use super::table::Row;
+use super::{Flown, named};
 use ground::flight::vehicle::VehicleKind;
-use ground::input;
-use report::exit::BadInput;
 use report::file::write_whole;
 
 /// All that is needed to carry out a run again, with the image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
-    /// Seed of the campaign.
-    pub seed: u64,
-    /// What the campaign tries.
-    pub campaign: String,
-    /// The vehicle, by its name on the command line.
-    pub vehicle: String,
-    /// Its servo, likewise.
-    pub servo: String,
-    /// What the emulated parts are like, as `--hardware` takes it.
-    pub hardware: String,
-    /// What the vehicle does when the fault begins.
-    pub phase: String,
+    #[serde(flatten)]
+    flown: Flown,
     /// What fails.
-    pub kind: String,
+    #[serde(with = "named")]
+    kind: Kind,
     /// Number of the run among those of this kind.
-    pub number: u32,
-    /// Length of a run of a sound vehicle, s.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub seconds: Option<u16>,
+    number: u32,
+    /// Checksum of the image.
+    image: Option<String>,
 }
 
 impl Scenario {
-    /// A run of a campaign with such hardware.
-    pub fn new(hardware: String, row: &Row) -> Self {
+    /// A case of what is flown, with this image.
+    pub fn new(flown: &Flown, case: Case, image: &Image) -> Self {
         Self {
-            seed: row.seed,
-            campaign: row.campaign.clone(),
-            vehicle: row.vehicle.clone(),
-            servo: row.servo.clone(),
-            hardware,
-            phase: row.phase.clone(),
-            kind: row.kind.clone(),
-            number: row.number,
-            seconds: (row.campaign == Plan::Sound.name()).then_some(row.lasted_s as u16),
+            flown: flown.clone(),
+            kind: case.kind,
+            number: case.number,
+            image: Some(checksum(image)),
         }
     }
 
-    /// Writes the file, with what became of the run as a comment.
+    /// Writes the file, with what became of the run as a comment. No two runs of two campaigns have
+    /// files of one name, unless their hardware differs.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write(&self, folder: &Path, place: usize, row: &Row) -> Result<PathBuf> {
-        let path = folder.join(format!("unsafe-{place}.toml"));
+    pub fn write(&self, folder: &Path, row: &Row) -> Result<PathBuf> {
+        let Flown {
+            plan,
+            vehicle,
+            servo,
+            phase,
+            seed,
+            ..
+        } = &self.flown;
+        let path = folder.join(format!(
+            "{plan}-{seed}-{phase}-{}-{}-{}-{}.toml",
+            vehicle.name(),
+            servo.name(),
+            self.kind,
+            self.number
+        ));
         let text = format!(
-            "# {}\n# {}\n# Again, with the same image: lab faults replay FILE\n\n{}",
+            "# {}\n# {}\n# Again, with the same image: cargo lab faults rerun FILE\n\n{}",
             row.story().replace('\n', " "),
             row.why,
             toml::to_string(self)?
@@ -73,53 +70,50 @@ impl Scenario {
         Ok(path)
     }
 
-    /// Reads a file.
-    ///
-    /// # Errors
-    /// It cannot be read, or does not say what a run needs.
-    pub fn read(path: &Path) -> Result<(Flown, Case), BadInput> {
-        let text = input::text(path).map_err(|error| error.to_string());
-        let read = text.and_then(|text| Self::parse(&text));
-        read.map_err(|error| BadInput::new(format!("{}: {error}", path.display())))
-    }
-
     /// Reads the text of a file.
     ///
     /// # Errors
     /// What is wrong with it.
-    pub fn parse(text: &str) -> Result<(Flown, Case), String> {
+    pub fn parse(text: &str) -> Result<Self, String> {
         let scenario: Self = toml::from_str(text).map_err(|error| error.to_string())?;
-        let kind: Kind = scenario.kind.parse()?;
-        scenario.hardware.parse::<Hardware>()?;
-        let vehicle = VehicleKind::DRONES
-            .into_iter()
-            .find(|vehicle| vehicle.name() == scenario.vehicle)
-            .ok_or_else(|| format!("there is no vehicle {}", scenario.vehicle))?;
-        let servo = ServoKind::from_str(&scenario.servo, false)
-            .map_err(|_| format!("there is no servo {}", scenario.servo))?;
-        let plan: Plan = scenario.campaign.parse()?;
-        let phase: Phase = scenario.phase.parse()?;
-        if scenario
+        let Self { flown, kind, .. } = &scenario;
+        flown.hardware.parse::<Hardware>()?;
+        if !VehicleKind::DRONES.contains(&flown.vehicle) {
+            return Err(format!(
+                "there are no runs of vehicle {}",
+                flown.vehicle.name()
+            ));
+        }
+        if flown
             .seconds
             .is_some_and(|seconds| !(1..=600).contains(&seconds))
         {
             return Err("seconds must be 1 to 600".into());
         }
-        if !plan.kinds(phase).contains(&kind) {
+        let (plan, phase) = (flown.plan, flown.phase);
+        if !plan.kinds(phase).contains(kind) {
             return Err(format!(
                 "{kind} is no fault of phase {phase} in the campaign of {plan}"
             ));
         }
-        let flown = Flown {
-            plan,
-            vehicle,
-            servo,
-            phase,
-            hardware: scenario.hardware,
-            seed: scenario.seed,
-            seconds: scenario.seconds.filter(|_| plan == Plan::Sound),
-        };
-        let number = scenario.number;
-        Ok((flown, Case { kind, number }))
+        Ok(scenario)
     }
+
+    /// What is flown, and which case of it. An image that is not the campaign's is told.
+    pub fn flown(&self, image: &Image) -> (&Flown, Case) {
+        let now = checksum(image);
+        if let Some(then) = self.image.as_ref().filter(|then| **then != now) {
+            eprintln!(
+                "note: the image is {now}, that of the campaign was {then}: the run may differ"
+            );
+        }
+        let Self { kind, number, .. } = *self;
+        (&self.flown, Case { kind, number })
+    }
+}
+
+/// Tells images apart.
+fn checksum(image: &Image) -> String {
+    let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+    format!("{:08x}", crc.checksum(image.bytes()))
 }

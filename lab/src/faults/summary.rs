@@ -9,12 +9,9 @@ use report::measure::{Figure, Figures, figure, rows};
 /// All figures; `all` is not empty. Of glitches 99 % must be ridden out.
 pub fn figures(all: &[Row], wall_s: Option<f64>) -> Figures {
     let wall = wall_s.map(|wall_s| figure("wall_s", wall_s).shown("time that it took", "s", 1));
-    let is_sound = all
-        .first()
-        .is_some_and(|row| row.campaign == Plan::Sound.name());
-    let figures = match is_sound {
-        true => of_sound(all),
-        false => of_faults(all),
+    let figures = match all[0].campaign {
+        Plan::Sound => of_sound(all),
+        _ => of_faults(all),
     };
     Figures::from(figures.into_iter().chain(wall))
 }
@@ -30,14 +27,13 @@ fn of_faults(all: &[Row]) -> Vec<Figure> {
         (runs > 0).then(|| 100.0 * f64::from(count) / f64::from(runs))
     };
     let any = |_: &Row| true;
-    let upset = |row: &Row| matches!(row.kind(), Some(Kind::System(kind)) if kind.is_upset());
+    let upset = |row: &Row| matches!(row.kind, Kind::System(kind) if kind.is_upset());
     let mut recovered = figure(
         "recovered_pct",
         share(&|row| row.end == End::Recovered, &any),
     )
     .shown("recovered", "%", 1);
-    let campaign = all.first().map_or("", |row| row.campaign.as_str());
-    if campaign == Plan::Glitches.name() {
+    if all[0].campaign == Plan::Glitches {
         recovered = recovered.limit(AtLeast(99.0));
     }
     let groups = groups(all);
@@ -77,29 +73,27 @@ fn of_faults(all: &[Row]) -> Vec<Figure> {
 
 /// What was flown.
 fn in_common(all: &[Row]) -> [Figure; 6] {
-    let campaign = all.first().map_or("", |row| row.campaign.as_str());
-    let seed = all.first().map_or(0, |row| row.seed);
-    let every = |of: fn(&Row) -> &str| {
-        let mut values: Vec<&str> = all.iter().map(of).collect();
+    let every = |of: fn(&Row) -> &'static str| {
+        let mut values: Vec<_> = all.iter().map(of).collect();
         values.sort_unstable();
         values.dedup();
         values.join(", ")
     };
     [
-        figure("campaign", campaign).shown("campaign", "", 0),
-        figure("vehicle", every(|row| &row.vehicle)).shown("vehicle", "", 0),
-        figure("servo", every(|row| &row.servo)).shown("servo", "", 0),
-        figure("phase", every(|row| &row.phase)).shown("phase", "", 0),
-        figure("seed", seed).shown("seed", "", 0),
+        figure("campaign", all[0].campaign.name()).shown("campaign", "", 0),
+        figure("vehicle", every(|row| row.vehicle.name())).shown("vehicle", "", 0),
+        figure("servo", every(|row| row.servo.name())).shown("servo", "", 0),
+        figure("phase", every(|row| row.phase.name())).shown("phase", "", 0),
+        figure("seed", all[0].seed).shown("seed", "", 0),
         figure("runs", all.len()).shown("runs", "", 0),
     ]
 }
 
 /// The groups of the runs, by kind; registers and resets in the order of the runs.
 fn groups(all: &[Row]) -> Vec<String> {
-    let mut groups: Vec<(Option<Kind>, String)> = Vec::new();
+    let mut groups: Vec<(Kind, String)> = Vec::new();
     for row in all {
-        let group = (row.kind(), row.group());
+        let group = (row.kind, row.group());
         if !groups.contains(&group) {
             groups.push(group);
         }
@@ -129,7 +123,7 @@ const ALARMS: [(&str, &str, Count); 10] = [
 fn of_sound(all: &[Row]) -> Vec<Figure> {
     let hours =
         |all: &mut dyn Iterator<Item = &Row>| all.map(|row| row.flown_s).sum::<f64>() / 3600.0;
-    let is_in_flight = |row: &&Row| row.phase == Phase::Flight.name();
+    let is_in_flight = |row: &&Row| row.phase == Phase::Flight;
     let row_of = |group: &String| {
         let runs = || all.iter().filter(|row| row.group() == *group);
         let alarmed = runs().filter(|row| row.end.is_bad()).count();

@@ -1,13 +1,12 @@
-//! Runs as rows: in words and numbers, as a table of CSV, and the joining of the tables of shards.
+//! Runs as rows: in words and numbers, and as a table of CSV.
 
-use std::path::Path;
-
-use anyhow::Result;
-use rig::faults::{Alarms, Ending, Kind, Outcome, Plan};
+use rig::ServoKind;
+use rig::faults::{Alarms, Ending, Kind, Outcome, Phase, Plan};
 use serde::{Deserialize, Serialize};
 
-use super::Flown;
-use report::exit::BadInput;
+use super::{Flown, named};
+use ground::campaign;
+use ground::flight::vehicle::VehicleKind;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -49,15 +48,20 @@ pub struct Row {
     /// Seed of the campaign.
     pub seed: u64,
     /// What the campaign tries.
-    pub campaign: String,
-    /// The vehicle, by its name on the command line.
-    pub vehicle: String,
-    /// Its servo, likewise.
-    pub servo: String,
+    #[serde(with = "named")]
+    pub campaign: Plan,
+    /// The vehicle.
+    #[serde(with = "named::choice")]
+    pub vehicle: VehicleKind,
+    /// Its servo.
+    #[serde(with = "named::choice")]
+    pub servo: ServoKind,
     /// What the vehicle did when the fault began.
-    pub phase: String,
+    #[serde(with = "named")]
+    pub phase: Phase,
     /// What fails.
-    pub kind: String,
+    #[serde(with = "named")]
+    pub kind: Kind,
     /// Number of the run among those of this kind.
     pub number: u32,
     /// When the fault began, s after the release or the phase's begin.
@@ -146,11 +150,11 @@ impl Row {
         };
         Self {
             seed: flown.seed,
-            campaign: flown.plan.name().into(),
-            vehicle: flown.vehicle.name().into(),
-            servo: flown.servo.name().into(),
-            phase: flown.phase.name().into(),
-            kind: outcome.case.kind.name().into(),
+            campaign: flown.plan,
+            vehicle: flown.vehicle,
+            servo: flown.servo,
+            phase: flown.phase,
+            kind: outcome.case.kind,
             number: outcome.case.number,
             at_s: outcome.at_s,
             lasted_s: outcome.lasted_s,
@@ -183,43 +187,29 @@ impl Row {
 
     /// What runs have in common that can be added up: those of one flight, all resets, or all of
     /// sound vehicles.
-    fn in_common(&self) -> [&str; 4] {
-        let of_flight = [&self.vehicle, &self.servo, &self.phase].map(String::as_str);
-        let [vehicle, servo, phase] = match self.campaign.parse() {
-            Ok(Plan::Resets | Plan::Sound) => [""; 3],
-            _ => of_flight,
-        };
-        [&self.campaign, vehicle, servo, phase]
-    }
-
-    /// What makes a run one of its own.
-    fn place(&self) -> (Option<Kind>, &str, &str, &str, u32) {
-        let Self {
-            vehicle,
-            servo,
-            phase,
-            number,
-            ..
-        } = self;
-        (self.kind(), vehicle, servo, phase, *number)
+    fn in_common(&self) -> (Plan, Option<(VehicleKind, ServoKind, Phase)>) {
+        let is_one_flight = !matches!(self.campaign, Plan::Resets | Plan::Sound);
+        (
+            self.campaign,
+            is_one_flight.then_some((self.vehicle, self.servo, self.phase)),
+        )
     }
 
     /// The runs that it is counted with: of its kind; of resets with the same frame and drone, too;
     /// of sound vehicles those in the same phase; of bits those of the same register.
     pub fn group(&self) -> String {
-        let Self {
-            kind,
-            vehicle,
-            servo,
-            phase,
-            fault,
-            ..
-        } = self;
-        match self.campaign.parse() {
-            Ok(Plan::Resets) => format!("{kind}, {phase}, {vehicle}, {servo}"),
-            Ok(Plan::Sound) => format!("{kind}, {phase}"),
-            Ok(Plan::TimerBits) => fault.rsplit(' ').next().unwrap_or(kind).to_owned(),
-            _ => kind.clone(),
+        let Self { kind, phase, .. } = self;
+        match self.campaign {
+            Plan::Resets => {
+                format!(
+                    "{kind}, {phase}, {}, {}",
+                    self.vehicle.name(),
+                    self.servo.name()
+                )
+            }
+            Plan::Sound => format!("{kind}, {phase}"),
+            Plan::TimerBits => self.fault.rsplit(' ').next().unwrap_or_default().to_owned(),
+            Plan::Faults | Plan::Glitches => kind.to_string(),
         }
     }
 
@@ -256,48 +246,31 @@ impl Row {
             && (0.0..=700.0).contains(&self.flown_s)
             && ms.iter().all(|ms| (0.0..=60e3).contains(ms))
     }
-
-    /// What fails; `None` for a kind that this version does not have.
-    pub fn kind(&self) -> Option<Kind> {
-        self.kind.parse().ok()
-    }
 }
 
-/// Joins tables by kind and number; a run that is in several counts once.
-///
-/// # Errors
-/// A file that is no table, or tables of different campaigns.
-pub fn merge(files: &[&Path]) -> Result<Vec<Row>> {
-    let mut all: Vec<Row> = Vec::new();
-    for path in files {
-        let bad =
-            |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
-        let mut reader = csv::Reader::from_path(path).map_err(|error| bad(&error))?;
-        for row in reader.deserialize::<Row>() {
-            let row = row.map_err(|error| bad(&error))?;
-            row.kind.parse::<Kind>().map_err(|error| bad(&error))?;
-            if !row.is_plausible() {
-                return Err(bad(&format!(
-                    "run {} of {} has a time that is none",
-                    row.number, row.kind
-                ))
-                .into());
-            }
-            if let Some(first) = all.first()
-                && (first.seed, first.in_common()) != (row.seed, row.in_common())
-            {
-                return Err(bad(
-                    &"of another campaign: seed, campaign, vehicle, servo or phase differs",
-                )
-                .into());
-            }
-            all.push(row);
+impl campaign::Row for Row {
+    fn check(&self, first: &Self) -> Result<(), String> {
+        if !self.is_plausible() {
+            return Err(format!(
+                "run {} of {} has a time that is none",
+                self.number, self.kind
+            ));
         }
+        if (first.seed, first.in_common()) != (self.seed, self.in_common()) {
+            let differs = "seed, campaign, vehicle, servo or phase differs";
+            return Err(format!("of another campaign: {differs}"));
+        }
+        Ok(())
     }
-    if all.is_empty() {
-        return Err(BadInput::new("no runs in these files").into());
+
+    fn place(&self) -> impl Ord {
+        let Self { kind, number, .. } = *self;
+        (
+            kind,
+            self.vehicle.name(),
+            self.servo.name(),
+            self.phase.name(),
+            number,
+        )
     }
-    all.sort_by(|one, other| one.place().cmp(&other.place()));
-    all.dedup_by(|one, other| one.place() == other.place());
-    Ok(all)
 }

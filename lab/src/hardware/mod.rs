@@ -8,14 +8,13 @@ use std::time::Instant;
 
 use anyhow::Result;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use maud::html;
-use rayon::prelude::*;
 use rig::bench::Hardware;
 use rig::bench::hardware::keys;
 use rig::{Image, ServoKind, Setup};
 use row::{Ending, Flown};
 
+use ground::campaign::{CampaignOptions, carry_out};
 use ground::flight::fly::flights::STARTS_RAD;
 use ground::image::ImageOption;
 use report::exit::{BadInput, Verdict};
@@ -52,13 +51,9 @@ pub struct HardwareCampaign {
     #[arg(long)]
     pub quick: bool,
 
-    /// Seed of all that is random: sensor noise and bias, its bus, clock phases.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
-
-    /// Settings at a time [default: one for each processor core].
-    #[arg(long, value_name = "J", value_parser = clap::value_parser!(u16).range(1..=256))]
-    pub jobs: Option<u16>,
+    /// How flights are carried out.
+    #[command(flatten)]
+    pub campaign: CampaignOptions,
 
     /// Which image.
     #[command(flatten)]
@@ -85,7 +80,7 @@ pub fn run(options: &HardwareCampaign) -> Result<Verdict> {
         .zip(flown.chunks(each))
         .map(|((setting, expected), flown)| row::row(setting, *expected, flown, !options.quick));
     let figures = Figures::from([
-        figure("seed", options.seed).shown("seed", "", 0),
+        figure("seed", options.campaign.seed).shown("seed", "", 0),
         rows("rows", table),
         figure("wall_s", begun.elapsed().as_secs_f64()).shown("time that it took", "s", 1),
     ]);
@@ -136,26 +131,12 @@ fn fly(
         .iter()
         .flat_map(|(setting, _)| servos.iter().map(move |servo| (setting, *servo)))
         .map(|(setting, servo)| {
-            let mut setup = Setup::with_polarity(servo, options.seed);
+            let mut setup = Setup::with_polarity(servo, options.campaign.seed);
             setup.rig.hardware = setting.parse::<Hardware>().map_err(BadInput::new)?;
             Ok(setup)
         })
         .collect::<Result<_, BadInput>>()?;
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.jobs.map_or(0, usize::from))
-        .build()?;
-    let bar = ProgressBar::new(setups.len() as u64);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} boots, {eta} to go") {
-        bar.set_style(style);
-    }
-    let flown = pool.install(|| {
-        let flights = setups.par_iter().map(|setup| {
-            let flown = row::fly(image, setup, starts);
-            bar.inc(1);
-            flown
-        });
-        flights.collect()
-    });
-    bar.finish_and_clear();
-    Ok(flown)
+    carry_out("boots", &setups, options.campaign.jobs, |setup| {
+        Ok(row::fly(image, setup, starts))
+    })
 }

@@ -117,7 +117,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: 2 * MIB,
         times: 100,
         read: recordings::faults,
-        sources: &["lab/src/faults/table.rs"],
+        sources: &["ground/src/campaign.rs"],
     },
     Reader {
         name: "faults-run",
@@ -135,7 +135,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: MIB,
         times: 100,
         read: recordings::campaign,
-        sources: &["ground/src/model/montecarlo/table.rs"],
+        sources: &["ground/src/campaign.rs"],
     },
     Reader {
         name: "parameters",

@@ -3,17 +3,16 @@
 use anyhow::{Context, Result};
 use client::{LinkCounts, StateKind};
 use rig::bench::FaultEntry;
-use rig::flight::{FlightRecord, Setup};
-use rig::{Image, prepare};
-use samd21::WaitStates;
+use rig::flight::{FlightRecord, Ready, Setup};
+use rig::measure::{LoopTiming, Spread};
+use rig::prepare;
 use tvc_nano::Axis;
 
-use super::Stopwatch;
 use super::figures::Measured;
 use super::live::Live;
-use super::report::Page;
+use super::{Flying, Stopwatch, report};
 use crate::flight::figures::Run;
-use crate::flight::fly::Fly;
+use ::report::measure::Figures;
 
 /// Tilts that are flown from, rad.
 pub const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];
@@ -24,98 +23,66 @@ pub const FLIGHT_S: f64 = 3.0;
 /// Length of the flight without wait states, which only gives cycles, s.
 const CYCLES_S: f64 = 1.0;
 
-/// Flies every start at the chip's own wait state, and one more without for its cycles.
-pub fn fly(
-    image: &Image,
-    setup: &Setup,
-    faults: Vec<FaultEntry>,
-    options: &Fly,
-) -> Result<(Measured, Page)> {
-    let starts = options
-        .start
-        .map_or(STARTS_RAD.to_vec(), |start| vec![start]);
-    let mut watch = Stopwatch::start();
-    let servo = options.servo.name();
-
-    let live = Live::begin(format!("boot, servo {servo}, seed {}", options.seed));
-    let one = Setup {
-        rig: with_wait_states(setup, 1),
-        ..setup.clone()
-    };
-    let ready = prepare(image, &one, &mut |progress| live.flight(progress))?;
-    watch.boot(&ready.rig);
-    live.end();
-
-    let mut records = Vec::new();
-    for start in &starts {
-        let live = Live::begin(format!("from {start} rad"));
-        let record = ready
-            .fly(
-                *start,
-                START_RATE_RAD_S.copysign(*start),
-                FLIGHT_S,
-                &mut |progress| live.flight(progress),
-            )
-            .with_context(|| format!("flying from {start} rad"))?;
-        live.end();
-        watch.add(record.simulated_s, record.busy_s);
-        records.push(record);
+impl Flying<'_> {
+    /// Flies every start at the chip's own wait state, and one more without for its cycles.
+    pub(super) fn starts(&self, faults: Vec<FaultEntry>) -> Result<(Figures, String)> {
+        let Self { image, options, .. } = self;
+        let starts = options
+            .start
+            .map_or(STARTS_RAD.to_vec(), |start| vec![start]);
+        let (servo, seed) = (options.servo, options.seed);
+        let mut watch = Stopwatch::start();
+        let mut boot = |what: String, setup: &Setup| -> Result<Ready> {
+            let live = Live::begin(what);
+            let ready = prepare(image, setup, &mut |progress| live.flight(progress))?;
+            watch.boot(&ready.rig);
+            live.end();
+            Ok(ready)
+        };
+        let ready = boot(
+            format!("boot, servo {}, seed {seed}", servo.name()),
+            &self.setup(seed),
+        )?;
+        let mut without_wait_states = self.with_wait_states(0);
+        without_wait_states.rig.bench.faults.clear();
+        let unhindered = boot("cycles without wait states".into(), &without_wait_states)?;
+        let mut fly = |ready: &Ready, start: f64, seconds: f64| -> Result<FlightRecord> {
+            let live = Live::begin(format!("from {start} rad"));
+            let rate = START_RATE_RAD_S.copysign(start);
+            let record = ready.fly(start, rate, seconds, &mut |progress| live.flight(progress));
+            let record = record.with_context(|| format!("flying from {start} rad"))?;
+            live.end();
+            watch.add(record.simulated_s, record.busy_s);
+            Ok(record)
+        };
+        let records = starts.iter().map(|start| fly(&ready, *start, FLIGHT_S));
+        let records = records.collect::<Result<Vec<_>>>()?;
+        let unhindered = fly(&unhindered, starts[0], CYCLES_S)?;
+        let stacks = records.iter().map(|record| record.stack_high_water);
+        let load: f64 = records.iter().map(|record| record.cpu_load).sum();
+        let measured = Measured {
+            image: image.sizes(),
+            stack_bytes: stacks.max().unwrap_or(0),
+            unhindered: unhindered.timing,
+            timing: pooled(&records),
+            cpu_load: load / records.len() as f64,
+            link: link(&records),
+            runs: records.iter().map(run).collect::<Result<_>>()?,
+            faults,
+            disturbances: self.setup.rig.bench.disturbances.report(),
+            emulation: watch.stop(),
+            replay: None,
+        };
+        let title = format!(
+            "Flight on the virtual rig: servo {}, seed {seed}",
+            servo.name()
+        );
+        let plots = records
+            .iter()
+            .map(report::flown)
+            .collect::<Result<Vec<_>>>()?;
+        Ok(report::told(&title, measured.figures(servo), &plots))
     }
-
-    let live = Live::begin("cycles without wait states".into());
-    let mut zero = Setup {
-        rig: with_wait_states(setup, 0),
-        ..setup.clone()
-    };
-    zero.rig.bench.faults.clear();
-    let ready = prepare(image, &zero, &mut |progress| live.flight(progress))?;
-    watch.boot(&ready.rig);
-    let unhindered = ready.fly(
-        starts[0],
-        START_RATE_RAD_S.copysign(starts[0]),
-        CYCLES_S,
-        &mut |progress| {
-            live.flight(progress);
-        },
-    )?;
-    watch.add(unhindered.simulated_s, unhindered.busy_s);
-    live.end();
-
-    let measured = measured(image, setup, faults, &records, &unhindered, &watch)?;
-    Ok((measured, Page::flights(servo, options.seed, records)))
-}
-
-/// The rig with so many wait states of its flash.
-pub fn with_wait_states(setup: &Setup, states: u8) -> rig::RigConfig {
-    rig::RigConfig {
-        wait_states: WaitStates::Forced(states),
-        ..setup.rig.clone()
-    }
-}
-
-fn measured(
-    image: &Image,
-    setup: &Setup,
-    faults: Vec<FaultEntry>,
-    records: &[FlightRecord],
-    unhindered: &FlightRecord,
-    watch: &Stopwatch,
-) -> Result<Measured> {
-    let stacks = records.iter().map(|record| record.stack_high_water);
-    let load: f64 = records.iter().map(|record| record.cpu_load).sum();
-    Ok(Measured {
-        image: image.sizes(),
-        stack_bytes: stacks.max().unwrap_or(0),
-        unhindered: unhindered.timing,
-        timing: pooled(records),
-        cpu_load: load / records.len() as f64,
-        link: link(records),
-        runs: records.iter().map(run).collect::<Result<_>>()?,
-        faults,
-        disturbances: setup.rig.bench.disturbances.report(),
-        emulation: watch.stop(),
-        replay: None,
-    })
 }
 
 /// What arrived over the link in all flights; a control step without its messages counts as lost.
@@ -141,20 +108,19 @@ pub fn run(record: &FlightRecord) -> Result<Run> {
 }
 
 /// Means over all flights, and the worst of each maximum.
-pub fn pooled(records: &[FlightRecord]) -> rig::measure::LoopTiming {
-    use rig::measure::{LoopTiming, Spread};
+pub fn pooled(records: &[FlightRecord]) -> LoopTiming {
+    let timings = || records.iter().map(|record| &record.timing);
     let spread = |of: fn(&LoopTiming) -> Spread| {
-        let all = || records.iter().map(|record| of(&record.timing));
+        let all = || timings().map(of);
         let count: usize = all().map(|spread| spread.count).sum();
         let sum: f64 = all().map(|spread| spread.mean * spread.count as f64).sum();
-        let max = all().map(|spread| spread.max).fold(0.0, f64::max);
+        let mean = if count > 0 { sum / count as f64 } else { 0.0 };
         Spread {
-            mean: if count > 0 { sum / count as f64 } else { 0.0 },
-            max,
+            mean,
+            max: all().map(|spread| spread.max).fold(0.0, f64::max),
             count,
         }
     };
-    let timings = || records.iter().map(|record| &record.timing);
     LoopTiming {
         rate_hz: timings()
             .map(|timing| timing.rate_hz)

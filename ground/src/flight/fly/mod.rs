@@ -1,8 +1,7 @@
 //! `tvc fly`: the image, on the virtual rig, brings the drone upright, or estimates attitude from a
-//! recording.
+//! recording; once, or in campaigns of many seeds and vehicles.
 
-mod dispersed;
-mod distribution;
+mod drones;
 pub mod faults;
 mod figures;
 pub mod flights;
@@ -11,23 +10,28 @@ pub mod options;
 mod recording;
 mod report;
 mod rocket;
-mod two_axes;
 
 use std::num::NonZeroU32;
 use std::time::Instant;
 
 use anyhow::{Result, anyhow};
-use rig::flight::Setup;
+use maud::{Markup, html};
+use rig::Image;
+use rig::flight::{FlightRecord, Setup};
+use samd21::WaitStates;
 use samd21::board::Ticks;
 
 use crate::flight::vehicle::VehicleKind;
 use crate::model::control_law;
 use ::report::exit::Verdict;
+use ::report::measure::Figures;
+use ::report::page::{page, verdicts};
 use figures::Emulation;
 pub use options::{Fly, start_angle};
 
 /// Flies as `options` say, prints the figures and writes the report.
 pub fn run(options: &Fly) -> Result<Verdict> {
+    use VehicleKind::{Drone, Drone2, Rocket};
     // An unreadable recording is reported before minutes of building.
     let recording = options
         .recording
@@ -39,42 +43,30 @@ pub fn run(options: &Fly) -> Result<Verdict> {
         .map(|path| faults::read(path, options.seed, flights::FLIGHT_S))
         .transpose()?
         .unwrap_or_default();
-    if options.vehicle == VehicleKind::Rocket {
+    if options.vehicle == Rocket {
         rocket::check(options)?;
     }
     let mut setup = setup(options)?;
     let image = options.image.image()?;
     setup.rig.bench.faults = scenario.faults;
     setup.rig.bench.disturbances = options.disturb.over(scenario.disturbances);
-    if options.vehicle == VehicleKind::Rocket {
-        let (figures, page) = match options.dispersed {
-            Some(count) => rocket::fly_dispersed(&image, &setup, count.get(), options)?,
-            None => {
-                let seeds = options.seeds.map_or(1, NonZeroU32::get);
-                rocket::fly(&image, &setup, seeds, options)?
-            }
-        };
-        return figures.conclude(options.json, Some((&options.report, page)));
-    }
-    if let Some(count) = options.dispersed {
-        let (figures, page) = dispersed::fly(&image, &setup, count.get(), options)?;
-        return figures.conclude(options.json, Some((&options.report, page)));
-    }
-    if options.vehicle == VehicleKind::Drone2 {
-        let seeds = options.seeds.map_or(1, NonZeroU32::get);
-        let (figures, page) = two_axes::fly(&image, &setup, seeds, options)?;
-        return figures.conclude(options.json, Some((&options.report, page)));
-    }
-    if let Some(seeds) = options.seeds {
-        let (figures, page) = distribution::fly(&image, &setup, seeds.get(), options)?;
-        return figures.conclude(options.json, Some((&options.report, page)));
-    }
-    let (measured, page) = match recording {
-        Some(recording) => recording::play(&image, &recording, &setup)?,
-        None => flights::fly(&image, &setup, scenario.entries, options)?,
+    let flying = Flying {
+        image: &image,
+        setup: &setup,
+        options,
     };
-    let figures = measured.figures(options.servo);
-    let page = page.render(&figures)?;
+    let [seeds, dispersed] = [options.seeds, options.dispersed].map(|n| n.map(NonZeroU32::get));
+    let (figures, page) = match (options.vehicle, dispersed, seeds) {
+        (Rocket, Some(count), _) => flying.dispersed_rockets(count)?,
+        (Rocket, None, seeds) => flying.rockets(seeds.unwrap_or(1))?,
+        (Drone | Drone2, Some(count), _) => flying.dispersed(count)?,
+        (Drone2, None, seeds) => flying.two_axes(seeds.unwrap_or(1))?,
+        (Drone, None, Some(seeds)) => flying.seeds(seeds)?,
+        (Drone, None, None) => match recording {
+            Some(recording) => flying.play(&recording)?,
+            None => flying.starts(scenario.entries)?,
+        },
+    };
     figures.conclude(options.json, Some((&options.report, page)))
 }
 
@@ -105,6 +97,62 @@ fn setup(options: &Fly) -> Result<Setup> {
     Ok(setup)
 }
 
+/// What is flown.
+struct Flying<'a> {
+    image: &'a Image,
+    setup: &'a Setup,
+    options: &'a Fly,
+}
+
+impl Flying<'_> {
+    /// With the chip's own wait state and this seed.
+    fn setup(&self, seed: u64) -> Setup {
+        let mut setup = self.with_wait_states(1);
+        setup.rig.seed = seed;
+        setup
+    }
+
+    /// With so many wait states of the flash.
+    fn with_wait_states(&self, states: u8) -> Setup {
+        let mut setup = self.setup.clone();
+        setup.rig.wait_states = WaitStates::Forced(states);
+        setup
+    }
+
+    /// The `count` seeds of a campaign, with the side that each is flown to.
+    fn seeded(&self, count: u32) -> impl Iterator<Item = (u64, f64)> {
+        let seeds = (0..u64::from(count)).map(|index| self.options.seed + index);
+        seeds.map(|seed| (seed, if seed.is_multiple_of(2) { -1.0 } else { 1.0 }))
+    }
+}
+
+/// The figures of a campaign, and its page with the table under `key`, or with all lines if that is
+/// empty.
+fn told(
+    title: &str,
+    words: &[&str],
+    figures: Figures,
+    key: &str,
+    pictures: &[Markup],
+) -> (Figures, String) {
+    let table = match key {
+        "" => figures.lines(),
+        key => figures.table(key),
+    };
+    let body = html! {
+        (verdicts(&figures.missed()))
+        @for words in words { p { (words) } }
+        (table.markup())
+        @for picture in pictures { (picture) }
+    };
+    (figures, page(title, body))
+}
+
+/// Time since the release, s.
+fn since(record: &FlightRecord, at: Ticks) -> f64 {
+    at.saturating_sub(record.released).as_secs_f64()
+}
+
 /// Counts real and simulated time of everything that is run.
 struct Stopwatch {
     begun: Instant,
@@ -129,18 +177,17 @@ impl Stopwatch {
     /// Counts all that `rig` has run since power-on.
     fn boot(&mut self, rig: &rig::Rig) {
         let asleep = Ticks(rig.counters().sleep_ticks);
-        self.add(
-            rig.now().as_secs_f64(),
-            rig.now().saturating_sub(asleep).as_secs_f64(),
-        );
+        let busy = rig.now().saturating_sub(asleep);
+        self.add(rig.now().as_secs_f64(), busy.as_secs_f64());
     }
 
     /// Ends the count.
     fn stop(&self) -> Emulation {
+        let wall_s = self.begun.elapsed().as_secs_f64();
         Emulation {
             simulated_s: self.simulated_s,
             busy_s: self.busy_s,
-            wall_s: self.begun.elapsed().as_secs_f64(),
+            wall_s,
         }
     }
 }

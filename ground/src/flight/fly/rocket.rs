@@ -2,24 +2,23 @@
 //! and with the accelerometer left in the estimate, to show what that does.
 
 use anyhow::{Context, Result, anyhow};
-use indicatif::{ProgressBar, ProgressStyle};
-use maud::{Markup, html};
-use rayon::prelude::*;
+use maud::Markup;
 use rig::bench::{RocketConfig, SHAFT_PER_GIMBAL, VehicleConfig, ZERO_RUDDER_US};
-use rig::flight::{FlightRecord, Setup};
+use rig::flight::FlightRecord;
 use rig::ground_truth::Pulse;
 use rig::rocket::{self, Airframe, RocketLaw};
-use rig::{Image, ServoKind, prepare};
+use rig::{ServoKind, prepare};
 use samd21::board::Ticks;
 use serde::Serialize;
 
-use super::flights::with_wait_states;
+use super::{Flying, since, told};
+use crate::campaign::carry_out;
 use crate::flight::fly::Fly;
 use crate::flight::requirements;
 use report::distribution::Distribution;
 use report::exit::BadInput;
-use report::measure::{Figures, data, figure, rows};
-use report::page::{figure as picture, page, verdicts};
+use report::measure::{Figure, Figures, data, figure, rows};
+use report::page::figure as picture;
 use report::plot::{Line, Plot};
 
 /// How long the rocket stands armed on its pad, s: the gyroscope's offset is learned there.
@@ -32,6 +31,8 @@ const LEFT_OUT_S: f64 = 2.0;
 const NEUTRAL_S: f64 = 0.5;
 /// From point to point of what is drawn, ms.
 const DRAWN_EVERY: usize = 50;
+const RAIL_TILT_DEG: f64 = rocket::RAIL_TILT_RAD * 180.0 / std::f64::consts::PI;
+const MISALIGNMENT_DEG: f64 = rocket::MISALIGNMENT_RAD * 180.0 / std::f64::consts::PI;
 
 /// What steers a flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,10 +73,21 @@ impl Case {
         }
     }
 
+    fn name(&self) -> String {
+        format!("{}, {}", self.airframe.name(), self.control())
+    }
+
     /// Whether the flight is held to the requirements: the others are for comparison.
     fn is_held(&self) -> bool {
         self.law == RocketLaw::Scheduled && !self.accelerometer
     }
+}
+
+/// A flight to be flown.
+struct Flight {
+    seed: u64,
+    case: Case,
+    on_pad: RocketConfig,
 }
 
 /// One flight.
@@ -100,7 +112,7 @@ struct Run {
     neutral_after_burnout: bool,
     stayed_active: bool,
     #[serde(skip)]
-    case: Option<Case>,
+    case: Case,
     /// Time, s, and angle, deg.
     #[serde(skip)]
     path: Vec<(f64, f64)>,
@@ -128,251 +140,224 @@ pub fn check(options: &Fly) -> Result<()> {
     }
 }
 
-/// Flies `count` rockets that are not as their images were told, with scheduled gains; the figures
-/// and the page.
-pub fn fly_dispersed(
-    image: &Image,
-    setup: &Setup,
-    count: u32,
-    options: &Fly,
-) -> Result<(Figures, String)> {
-    let bar = progress(count.into(), "rockets")?;
-    let runs: Vec<Run> = (0..u64::from(count))
-        .into_par_iter()
-        .map(|index| {
-            let seed = options.seed + index;
-            let (airframe, on_pad) = rocket::dispersed(seed);
-            let case = Case {
-                airframe,
-                law: RocketLaw::Scheduled,
-                accelerometer: false,
-            };
-            let run = fly_one(image, setup, seed, case, on_pad)
-                .with_context(|| format!("flying rocket {index}"));
-            bar.inc(1);
-            run
-        })
-        .collect::<Result<_>>()?;
-    bar.finish_and_clear();
-    let within = runs.iter().filter(|run| run.is_within()).count();
-    let rms = Distribution::of(runs.iter().map(|run| Some(run.error_rms_deg)));
-    let figures = Figures::from([
-        figure("vehicle", options.vehicle.name()),
-        figure("seed", options.seed),
-        figure("vehicles", count).shown("rockets", "", 0),
-        figure("within_pct", 100.0 * within as f64 / f64::from(count))
-            .shown(
-                "error at most 2 deg rms, in control, neutral behind the burn",
-                "%",
-                2,
-            )
-            .limit(requirements::DISPERSED_WITHIN_PCT),
-        rms.figure("error_rms_deg", ("error rms", "deg", 2), [None; 2]),
-        data("conditions", &Conditions::STATED),
-        data("runs", &runs),
-    ]);
-    let title = format!("{count} dispersed rockets on the virtual rig");
-    let lines = runs.iter().map(|run| {
-        let colour = usize::from(!run.is_within());
-        Line::new("", colour, run.path.clone())
-    });
-    let plot = Plot::new("time since ignition, s", "error, deg", lines.collect());
-    let body = html! {
-        (verdicts(&figures.missed()))
-        p { (Conditions::STATED.words()) }
-        p {
-            "Each rocket differs from what its image was told: thrust by up to 5 %, inertia by 20 %, \
-             propellant by 3 %, the dry centre of mass by 0.3 m, the static margin by 0.4 diameters, \
-             speed and bandwidth of the gimbal by 20 %; wind, gust, rail and misalignment are anything \
-             up to the above. Every other airframe is unstable."
-        }
-        (figures.lines().markup())
-        (picture("The error of all rockets over each other.", plot.svg()?))
-    };
-    Ok((figures, page(&title, body)))
+/// What the rocket meets on its way: figures that the page tells in words.
+fn conditions() -> Figure {
+    let [from_m, depth_m] = rocket::GUST_LAYER_M;
+    let [rms_m_s, length_m] = rocket::TURBULENCE;
+    figure(
+        "conditions",
+        [
+            figure("rail_tilt_deg", RAIL_TILT_DEG),
+            data("kicks_s", &rocket::KICKS_S),
+            figure("kick_rad_s", rocket::KICK_RAD_S),
+            figure("misalignment_deg", MISALIGNMENT_DEG),
+            figure("wind_m_s", rocket::WIND_M_S),
+            figure("gust_m_s", rocket::GUST_M_S),
+            figure("gust_from_m", from_m),
+            figure("gust_depth_m", depth_m),
+            figure("turbulence_rms_m_s", rms_m_s),
+            figure("turbulence_length_m", length_m),
+        ],
+    )
 }
 
-fn progress(count: u64, what: &str) -> Result<ProgressBar> {
-    let bar = ProgressBar::new(count);
-    let template = format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} to go");
-    bar.set_style(ProgressStyle::with_template(&template)?);
-    Ok(bar)
+fn conditions_in_words() -> String {
+    let [first, second, third, last] = rocket::KICKS_S;
+    let [from_m, depth_m] = rocket::GUST_LAYER_M;
+    let [rms_m_s, length_m] = rocket::TURBULENCE;
+    format!(
+        "A rail {RAIL_TILT_DEG:.0} deg off the vertical; kicks of {} rad/s at {first}, {second}, \
+         {third} and {last} s, which turn the rocket by some 5 deg; a thrust \
+         {MISALIGNMENT_DEG:.0} deg off its axis; {} m/s of wind, a gust that rises to {} m/s and \
+         fades (1 - cos) from {from_m} to {} m, and turbulence of {rms_m_s} m/s rms in each \
+         direction with a length of {length_m} m. All directions come from the seed.",
+        rocket::KICK_RAD_S,
+        rocket::WIND_M_S,
+        rocket::GUST_M_S,
+        from_m + depth_m,
+    )
 }
 
-/// Flies all of it with each of `seeds` seeds; the figures and the page.
-pub fn fly(image: &Image, setup: &Setup, seeds: u32, options: &Fly) -> Result<(Figures, String)> {
-    let cases = Case::all();
-    let flights: Vec<(u64, Case)> = (0..u64::from(seeds))
-        .flat_map(|index| cases.iter().map(move |case| (index, *case)))
-        .map(|(index, case)| (options.seed + index, case))
-        .collect();
-    let bar = progress(flights.len() as u64, "flights")?;
-    let runs: Vec<Run> = flights
-        .into_par_iter()
-        .map(|(seed, case)| {
-            let on_pad = case.airframe.on_pad(seed);
-            let run = fly_one(image, setup, seed, case, on_pad).with_context(|| {
-                let (airframe, control) = (case.airframe.name(), case.control());
-                format!("flying the {airframe} rocket, {control}, with seed {seed}")
+impl Flying<'_> {
+    /// Flies `count` rockets that are not as their images were told, with scheduled gains; the
+    /// figures and the page.
+    pub(super) fn dispersed_rockets(&self, count: u32) -> Result<(Figures, String)> {
+        let flights: Vec<Flight> = self
+            .seeded(count)
+            .map(|(seed, _)| {
+                let (airframe, on_pad) = rocket::dispersed(seed);
+                let case = Case {
+                    airframe,
+                    law: RocketLaw::Scheduled,
+                    accelerometer: false,
+                };
+                Flight { seed, case, on_pad }
+            })
+            .collect();
+        let runs = self.fly_rockets("rockets", &flights)?;
+        let within = runs.iter().filter(|run| run.is_within()).count();
+        let within_pct = 100.0 * within as f64 / f64::from(count);
+        let rms = Distribution::of(runs.iter().map(|run| Some(run.error_rms_deg)));
+        let words = "error at most 2 deg rms, in control, neutral behind the burn";
+        let figures = Figures::from([
+            figure("vehicle", self.options.vehicle.name()),
+            figure("seed", self.options.seed),
+            figure("vehicles", count).shown("rockets", "", 0),
+            figure("within_pct", within_pct)
+                .shown(words, "%", 2)
+                .limit(requirements::DISPERSED_WITHIN_PCT),
+            rms.figure("error_rms_deg", ("error rms", "deg", 2), [None; 2]),
+            conditions(),
+            data("runs", &runs),
+        ]);
+        let title = format!("{count} dispersed rockets on the virtual rig");
+        let plot = plot("The error of all rockets over each other.", &runs, |_| true)?;
+        let words = "Each rocket differs from what its image was told: thrust by up to 5 %, \
+             inertia by 20 %, propellant by 3 %, the dry centre of mass by 0.3 m, the static margin \
+             by 0.4 diameters, speed and bandwidth of the gimbal by 20 %; wind, gust, rail and \
+             misalignment are anything up to the above. Every other airframe is unstable.";
+        Ok(told(
+            &title,
+            &[&conditions_in_words(), words],
+            figures,
+            "",
+            &[plot],
+        ))
+    }
+
+    /// Flies all cases with each of `count` seeds; the figures and the page.
+    pub(super) fn rockets(&self, count: u32) -> Result<(Figures, String)> {
+        let cases = Case::all();
+        let flights = self.seeded(count).flat_map(|(seed, _)| {
+            let flights = cases.iter().map(move |case| {
+                let on_pad = case.airframe.on_pad(seed);
+                Flight {
+                    seed,
+                    case: *case,
+                    on_pad,
+                }
             });
-            bar.inc(1);
-            run
+            flights.collect::<Vec<_>>()
+        });
+        let runs = self.fly_rockets("flights", &flights.collect::<Vec<_>>())?;
+        let row = |case: &Case| {
+            let of: Vec<&Run> = runs.iter().filter(|run| run.case == *case).collect();
+            summary(*case, &of)
+        };
+        let figures = Figures::from([
+            figure("vehicle", self.options.vehicle.name()),
+            figure("seed", self.options.seed),
+            figure("seeds", count),
+            conditions(),
+            rows("cases", cases.iter().map(row)),
+            data("runs", &runs),
+        ]);
+        let plots = cases
+            .iter()
+            .map(|case| plot(&case.name(), &runs, |run| run.case == *case));
+        let plots = plots.collect::<Result<Vec<_>>>()?;
+        let flights = runs.len();
+        let title = format!("A rocket through its burn on the virtual rig: {flights} flights");
+        let words = format!(
+            "The error is the true angle of the rocket's axis from the vertical, from \
+             {LEFT_OUT_S} s after the launch was seen to the end of the burn. The image arms on \
+             its pad, sees launch and burnout in the acceleration, and flies on its gyroscope \
+             alone; in the last case the accelerometer corrects the attitude, as it does for a \
+             drone that hangs."
+        );
+        Ok(told(
+            &title,
+            &[&conditions_in_words(), &words],
+            figures,
+            "cases",
+            &plots,
+        ))
+    }
+
+    fn fly_rockets(&self, what: &str, flights: &[Flight]) -> Result<Vec<Run>> {
+        carry_out(what, flights, None, |flight| {
+            let Flight { seed, case, .. } = flight;
+            let run = self.fly_rocket(flight);
+            run.with_context(|| format!("flying the rocket {}, with seed {seed}", case.name()))
         })
-        .collect::<Result<_>>()?;
-    bar.finish_and_clear();
+    }
 
-    let of = |case: Case| runs.iter().filter(move |run| run.case == Some(case));
-    let figures = Figures::from([
-        figure("vehicle", options.vehicle.name()),
-        figure("seed", options.seed),
-        figure("seeds", seeds),
-        data("conditions", &Conditions::STATED),
-        rows("cases", cases.iter().map(|case| summary(*case, of(*case)))),
-        data("runs", &runs),
-    ]);
-    let plots: Vec<Markup> = cases
-        .iter()
-        .map(|case| plot(*case, of(*case)))
-        .collect::<Result<_>>()?;
-    let title = format!(
-        "A rocket through its burn on the virtual rig: {} flights",
-        runs.len()
-    );
-    let body = html! {
-        (verdicts(&figures.missed()))
-        p { (Conditions::STATED.words()) }
-        p {
-            "The error is the true angle of the rocket's axis from the vertical, from "
-            (LEFT_OUT_S) " s after the launch was seen to the end of the burn. The image arms on its \
-             pad, sees launch and burnout in the acceleration, and flies on its gyroscope alone; in the \
-             last case the accelerometer corrects the attitude, as it does for a drone that hangs."
+    /// Boots with the rocket on its pad and flies it once.
+    fn fly_rocket(&self, flight: &Flight) -> Result<Run> {
+        let Flight { seed, case, on_pad } = flight;
+        let mut setup = self.setup(*seed);
+        setup.rig.bench.vehicle = VehicleConfig::Rocket(Box::new(on_pad.clone()));
+        let stored = setup.rig.stored.get_or_insert_default();
+        let mut parameters = rocket::parameters(case.airframe, case.law);
+        if case.accelerometer {
+            parameters.push(("FUSE_ACC".to_owned(), 1.0));
         }
-        (figures.table("cases").markup())
-        @for plot in &plots { (plot) }
-    };
-    Ok((figures, page(&title, body)))
-}
-
-/// What the rocket meets on its way.
-#[derive(Serialize)]
-struct Conditions {
-    rail_tilt_deg: f64,
-    kicks_s: [f64; 4],
-    kick_rad_s: f64,
-    misalignment_deg: f64,
-    wind_m_s: f64,
-    gust_m_s: f64,
-    gust_from_m: f64,
-    gust_depth_m: f64,
-    turbulence_rms_m_s: f64,
-    turbulence_length_m: f64,
-}
-
-impl Conditions {
-    const STATED: Self = Self {
-        rail_tilt_deg: rocket::RAIL_TILT_RAD * 180.0 / std::f64::consts::PI,
-        kicks_s: rocket::KICKS_S,
-        kick_rad_s: rocket::KICK_RAD_S,
-        misalignment_deg: rocket::MISALIGNMENT_RAD * 180.0 / std::f64::consts::PI,
-        wind_m_s: rocket::WIND_M_S,
-        gust_m_s: rocket::GUST_M_S,
-        gust_from_m: rocket::GUST_LAYER_M[0],
-        gust_depth_m: rocket::GUST_LAYER_M[1],
-        turbulence_rms_m_s: rocket::TURBULENCE[0],
-        turbulence_length_m: rocket::TURBULENCE[1],
-    };
-
-    fn words(&self) -> String {
-        let [first, second, third, last] = self.kicks_s;
-        format!(
-            "A rail {:.0} deg off the vertical; kicks of {} rad/s at {first}, {second}, {third} and \
-             {last} s, which turn the rocket by some 5 deg; a thrust {:.0} deg off its axis; {} m/s of \
-             wind, a gust that rises to {} m/s and fades (1 - cos) from {} to {} m, and turbulence of {} \
-             m/s rms in each direction with a length of {} m. All directions come from the seed.",
-            self.rail_tilt_deg,
-            self.kick_rad_s,
-            self.misalignment_deg,
-            self.wind_m_s,
-            self.gust_m_s,
-            self.gust_from_m,
-            self.gust_from_m + self.gust_depth_m,
-            self.turbulence_rms_m_s,
-            self.turbulence_length_m,
-        )
+        for (name, value) in &parameters {
+            let set = stored.set(name, *value);
+            set.map_err(|error| anyhow!("{error}"))?;
+        }
+        let burn_s = on_pad.parameters.rocket.burn_s;
+        let ready = prepare(self.image, &setup, &mut |_| ())?;
+        let length_s = burn_s + COAST_S;
+        let record = ready.launch(on_pad.start_rad, COUNTDOWN_S, length_s, &mut |_| ())?;
+        Ok(Run::of(&record, burn_s, *seed, *case))
     }
 }
 
-fn summary<'a>(
-    case: Case,
-    runs: impl Iterator<Item = &'a Run> + Clone,
-) -> [report::measure::Figure; 9] {
-    let rms = Distribution::of(runs.clone().map(|run| Some(run.error_rms_deg)));
-    let largest = Distribution::of(runs.clone().map(|run| Some(run.error_max_deg)));
-    let end = Distribution::of(runs.clone().map(|run| Some(run.error_end_deg)));
-    let sd = Distribution::of(runs.clone().map(|run| run.tilt_sd_deg.map(f64::from)));
-    let gimbal = Distribution::of(runs.clone().map(|run| Some(run.gimbal_max_deg)));
-    let neutral = runs.clone().all(|run| run.neutral_after_burnout);
-    let flown = runs
-        .clone()
-        .all(|run| run.stayed_active && run.pulses_within_limits);
+/// The row of a case.
+fn summary(case: Case, runs: &[&Run]) -> [Figure; 9] {
+    let over = |of: fn(&Run) -> Option<f64>| Distribution::of(runs.iter().map(|run| of(run)));
+    let rms = over(|run| Some(run.error_rms_deg));
+    let sd = over(|run| run.tilt_sd_deg.map(f64::from));
+    let worst =
+        |key, of, label, decimals| figure(key, over(of).worst).shown(label, "deg", decimals);
+    let all = |key, is_one: fn(&Run) -> bool, label, limit| {
+        figure(key, runs.iter().all(|run| is_one(run)))
+            .shown(label, "", 0)
+            .limit(limit)
+    };
     let held = |limit| case.is_held().then_some(limit);
-    let within = |value: f64| value.is_finite().then_some(value);
-    let name = format!("{}, {}", case.airframe.name(), case.control());
+    let in_control = held(requirements::IN_CONTROL);
     [
-        figure("case", name).shown("airframe, control", "", 0),
+        figure("case", case.name()).shown("airframe, control", "", 0),
         figure("error_rms_mean_deg", rms.mean).shown("error rms, mean", "deg", 2),
-        figure("error_rms_deg", rms.worst)
-            .shown("worst", "deg", 2)
+        worst("error_rms_deg", |run| Some(run.error_rms_deg), "worst", 2)
             .limit(held(requirements::ASCENT_ERROR_RMS_DEG)),
-        figure("error_max_deg", largest.worst).shown("largest error", "deg", 1),
-        figure("error_end_deg", end.worst).shown("at burnout", "deg", 2),
-        figure("tilt_sd_deg", within(sd.mean))
+        worst(
+            "error_max_deg",
+            |run| Some(run.error_max_deg),
+            "largest error",
+            1,
+        ),
+        worst(
+            "error_end_deg",
+            |run| Some(run.error_end_deg),
+            "at burnout",
+            2,
+        ),
+        figure("tilt_sd_deg", sd.mean.is_finite().then_some(sd.mean))
             .shown("tilt_sd", "deg", 1)
             .or("-"),
-        figure("gimbal_max_deg", gimbal.worst)
-            .shown("gimbal", "deg", 2)
-            .limit(held(requirements::GIMBAL_DEG)),
-        figure("in_control", flown)
-            .shown("in control, pulses within limits", "", 0)
-            .limit(held(requirements::IN_CONTROL)),
-        figure("neutral_after_burnout", neutral)
-            .shown("neutral after burnout", "", 0)
-            .limit(held(requirements::IN_CONTROL)),
+        worst(
+            "gimbal_max_deg",
+            |run| Some(run.gimbal_max_deg),
+            "gimbal",
+            2,
+        )
+        .limit(held(requirements::GIMBAL_DEG)),
+        all(
+            "in_control",
+            |run| run.stayed_active && run.pulses_within_limits,
+            "in control, pulses within limits",
+            in_control,
+        ),
+        all(
+            "neutral_after_burnout",
+            |run| run.neutral_after_burnout,
+            "neutral after burnout",
+            in_control,
+        ),
     ]
-}
-
-/// Boots with the rocket on its pad and flies it once.
-fn fly_one(
-    image: &Image,
-    setup: &Setup,
-    seed: u64,
-    case: Case,
-    on_pad: RocketConfig,
-) -> Result<Run> {
-    let mut one = setup.clone();
-    one.rig = with_wait_states(setup, 1);
-    one.rig.seed = seed;
-    let (tilt_rad, burn_s) = (on_pad.start_rad, on_pad.parameters.rocket.burn_s);
-    one.rig.bench.vehicle = VehicleConfig::Rocket(Box::new(on_pad));
-    let stored = one.rig.stored.get_or_insert_default();
-    let mut parameters = rocket::parameters(case.airframe, case.law);
-    if case.accelerometer {
-        parameters.push(("FUSE_ACC".to_owned(), 1.0));
-    }
-    for (name, value) in &parameters {
-        stored
-            .set(name, *value)
-            .map_err(|error| anyhow!("{error}"))?;
-    }
-    let ready = prepare(image, &one, &mut |_| ())?;
-    let record = ready.launch(tilt_rad, COUNTDOWN_S, burn_s + COAST_S, &mut |_| ())?;
-    Ok(Run {
-        seed,
-        airframe: case.airframe.name(),
-        control: case.control(),
-        case: Some(case),
-        ..Run::of(&record, burn_s)
-    })
 }
 
 impl Run {
@@ -384,8 +369,8 @@ impl Run {
             && self.neutral_after_burnout
     }
 
-    fn of(record: &FlightRecord, burn_s: f64) -> Self {
-        let seconds = |at: Ticks| at.saturating_sub(record.released).as_secs_f64();
+    fn of(record: &FlightRecord, burn_s: f64, seed: u64, case: Case) -> Self {
+        let seconds = |at: Ticks| since(record, at);
         let angle_deg = |tilt: [f64; 2]| tilt[0].hypot(tilt[1]).to_degrees();
         let path: Vec<(f64, f64)> = record
             .motion
@@ -421,9 +406,10 @@ impl Run {
         let limit_us = |pulse: &Pulse| (pulse.width_us() - ZERO_RUDDER_US).abs();
         let shaft_us = 10.0 * SHAFT_PER_GIMBAL * requirements::GIMBAL_LIMIT_DEG + 1.0;
         Self {
-            seed: 0,
-            airframe: "",
-            control: "",
+            seed,
+            airframe: case.airframe.name(),
+            control: case.control(),
+            case,
             error_rms_deg: (square / errors.len().max(1) as f64).sqrt(),
             error_max_deg: errors.iter().copied().fold(0.0, f64::max),
             error_end_deg: errors.last().copied().unwrap_or(f64::NAN),
@@ -443,16 +429,15 @@ impl Run {
                 .filter(|pulse| seconds(pulse.rise) > burn_s + NEUTRAL_S)
                 .all(|pulse| limit_us(pulse) <= 1.0),
             stayed_active: end_seen_s.is_some_and(|at_s| at_s >= burn_s),
-            case: None,
             path: path.into_iter().step_by(DRAWN_EVERY).collect(),
         }
     }
 }
 
-/// All flights of a case over each other.
-fn plot<'a>(case: Case, runs: impl Iterator<Item = &'a Run>) -> Result<Markup> {
-    let lines = runs.map(|run| Line::new("", 0, run.path.clone()));
+/// Flights over each other; those that are not within the requirements have another colour.
+fn plot(caption: &str, runs: &[Run], is_one: impl Fn(&Run) -> bool) -> Result<Markup> {
+    let lines = runs.iter().filter(|run| is_one(run));
+    let lines = lines.map(|run| Line::new("", usize::from(!run.is_within()), run.path.clone()));
     let plot = Plot::new("time since ignition, s", "error, deg", lines.collect());
-    let caption = format!("{}, {}", case.airframe.name(), case.control());
-    Ok(picture(&caption, plot.svg()?))
+    Ok(picture(caption, plot.svg()?))
 }

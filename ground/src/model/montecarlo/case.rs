@@ -14,7 +14,7 @@ use tvc_nano::Params;
 use tvc_nano::params::TABLE;
 
 use super::table::Row;
-use crate::input;
+use crate::campaign::read_run;
 use crate::model::control_law::Law;
 use crate::model::montecarlo::Rerun;
 use report::exit::{BadInput, Verdict};
@@ -142,8 +142,7 @@ pub fn rerun(options: &Rerun) -> Result<Verdict> {
     let named = |error: &dyn std::fmt::Display| {
         BadInput::new(format!("{}: {error}", options.file.display()))
     };
-    let text = input::text(&options.file).map_err(|error| named(&error))?;
-    let case = Case::parse(&text).map_err(|error| named(&error))?;
+    let case = read_run(&options.file, Case::parse)?;
     let motion = case.fly().map_err(|error| named(&error))?;
     let written = options.out.as_ref().map_or(Ok(()), |out| {
         let mut text =

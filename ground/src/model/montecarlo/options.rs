@@ -7,6 +7,7 @@ use plant::dispersion::Ranges;
 use rig::ServoKind;
 
 use crate::arguments::shard;
+use crate::campaign::{CampaignOptions, Merge, Output};
 use report::kind;
 
 /// Options of `tvc montecarlo`.
@@ -54,13 +55,9 @@ pub struct MonteCarlo {
           value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
     pub runs: u64,
 
-    /// Threads [default: one for each core].
-    #[arg(long, value_name = "J", value_parser = clap::value_parser!(u16).range(1..=4096))]
-    pub jobs: Option<u16>,
-
-    /// Seed of everything that is drawn.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
+    /// How they are carried out.
+    #[command(flatten)]
+    pub campaign: CampaignOptions,
 
     /// Lateral offset of the centre of mass, to either side, in mm.
     #[arg(long, value_name = "X", default_value_t = 0.0, allow_negative_numbers = true, value_parser = lateral)]
@@ -89,26 +86,17 @@ pub struct MonteCarlo {
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<(u64, u64)>,
 
-    /// Where to write a row for each run.
-    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
-    pub out: Option<PathBuf>,
-
     /// Folder for the worst runs, as files that `rerun` takes.
     #[arg(long, value_name = "FOLDER", default_value = "report/montecarlo")]
     pub worst: PathBuf,
-
-    /// Where to write the HTML report: dots and curves of all runs, and what they depend on
-    /// [default: report/montecarlo.html].
-    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
-    pub report: Option<PathBuf>,
 
     /// Pass rate below which the command fails, 0 to 1.
     #[arg(long, value_name = "SHARE", value_parser = share)]
     pub require: Option<f64>,
 
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
+    /// Table, page and figures.
+    #[command(flatten)]
+    pub output: Output,
 }
 
 /// What else can be done with campaigns.
@@ -118,26 +106,6 @@ pub enum MonteCarloCommand {
     Merge(Merge),
     /// Fly one run again from its file.
     Rerun(Rerun),
-}
-
-/// Options of `tvc montecarlo merge`.
-#[derive(Debug, Args)]
-pub struct Merge {
-    /// Tables that `--out` wrote.
-    #[arg(required = true, value_name = "FILE.csv")]
-    pub files: Vec<PathBuf>,
-
-    /// Where to write all rows, in the order of the runs.
-    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
-    pub out: Option<PathBuf>,
-
-    /// Where to write the HTML report [default: report/montecarlo.html].
-    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
-    pub report: Option<PathBuf>,
-
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// Options of `tvc montecarlo rerun`.

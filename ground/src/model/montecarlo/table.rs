@@ -1,13 +1,9 @@
-//! A table with a row for each run, as CSV, and the joining of the tables of shards.
+//! A table with a row for each run, as CSV.
 
-use std::path::Path;
-
-use anyhow::Result;
 use plant::dispersion::{Draw, Outcome};
-use recordings::Lines;
 use serde::{Deserialize, Serialize};
 
-use report::exit::BadInput;
+use crate::campaign;
 
 /// A run: the campaign that it belongs to, what it drew, and its result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -102,35 +98,16 @@ impl Row {
     }
 }
 
-/// Joins tables in the order of the runs; a run that is in several counts once.
-///
-/// # Errors
-/// A file that is no table, or tables of different campaigns.
-pub fn merge(files: &[&Path]) -> Result<Vec<Row>> {
-    let mut all: Vec<Row> = Vec::new();
-    for path in files {
-        let bad =
-            |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
-        let mut reader = csv::Reader::from_reader(Lines::new(
-            std::fs::File::open(path).map_err(|error| bad(&error))?,
-        ));
-        for row in reader.deserialize::<Row>() {
-            let row = row.map_err(|error| bad(&error))?;
-            if let Some(first) = all.first() {
-                let campaign = |row: &Row| (row.seed, row.servo.clone(), row.lateral_mm.to_bits());
-                if campaign(first) != campaign(&row) {
-                    return Err(
-                        bad(&"of another campaign: seed, servo or lateral offset differ").into(),
-                    );
-                }
-            }
-            all.push(row);
+impl campaign::Row for Row {
+    fn check(&self, first: &Self) -> Result<(), String> {
+        let campaign = |row: &Self| (row.seed, row.servo.clone(), row.lateral_mm.to_bits());
+        match campaign(self) == campaign(first) {
+            true => Ok(()),
+            false => Err("of another campaign: seed, servo or lateral offset differ".into()),
         }
     }
-    if all.is_empty() {
-        return Err(BadInput::new("no runs in these files").into());
+
+    fn place(&self) -> impl Ord {
+        self.run
     }
-    all.sort_by_key(|row| row.run);
-    all.dedup_by_key(|row| row.run);
-    Ok(all)
 }

@@ -6,6 +6,7 @@ use recordings::{Choice, Estimate, FilterName, Mode, Recording, Scalar, Scorer, 
 use tvc_nano::Axis;
 
 use super::{Outcome, expect, usable, with_file};
+use ground::campaign::merge;
 use ground::model::{identify, montecarlo};
 use ground::vehicle::calibrate::readings;
 use lab::faults::{self, report, summary, table};
@@ -73,7 +74,7 @@ fn fused(path: &Path, number: u64) -> Outcome {
 /// The table of a campaign of faults, as `lab faults merge` reads it, with its page.
 pub fn faults(bytes: &[u8], _: u64) -> Outcome {
     let merged = |path: &Path| {
-        let rows = table::merge(&[path])?;
+        let rows: Vec<table::Row> = merge(&[path])?;
         report::render(&summary::figures(&rows, None), &rows)
     };
     with_file(bytes, "csv", |path| usable(merged(path)).map(drop))
@@ -90,7 +91,7 @@ pub fn faults_run(bytes: &[u8], _: u64) -> Outcome {
 /// The table of a campaign, as `tvc montecarlo merge` reads it; some with their pages.
 pub fn campaign(bytes: &[u8], number: u64) -> Outcome {
     let merge = |path: &Path| -> anyhow::Result<()> {
-        let rows = montecarlo::table::merge(&[path])?;
+        let rows: Vec<montecarlo::table::Row> = merge(&[path])?;
         let worst = montecarlo::summary::Worst::of(&rows, 5);
         let figures = montecarlo::summary::figures(&rows, &worst, None);
         if number % 16 == 1 {
