@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use comfy_table::presets::{ASCII_MARKDOWN, NOTHING};
 use comfy_table::{CellAlignment, Table};
+use indicatif::HumanCount;
 use rig::Image;
 use serde::Serialize;
 
@@ -82,16 +83,16 @@ impl Cost {
     }
 
     fn cells(&self) -> [String; 7] {
-        let whole = |value: f64| thousands(value.round() as u64);
-        [
-            whole(self.cycles_mean),
-            thousands(self.cycles_max),
-            whole(self.cycles_mean_1ws),
-            thousands(self.cycles_max_1ws),
-            thousands(self.code_bytes.into()),
-            thousands(self.ram_bytes.into()),
-            thousands(self.stack_bytes.into()),
-        ]
+        let cells = [
+            self.cycles_mean.round() as u64,
+            self.cycles_max,
+            self.cycles_mean_1ws.round() as u64,
+            self.cycles_max_1ws,
+            self.code_bytes.into(),
+            self.ram_bytes.into(),
+            self.stack_bytes.into(),
+        ];
+        cells.map(|count| HumanCount(count).to_string())
     }
 }
 
@@ -202,35 +203,4 @@ fn table(names: &[&str], rows: Vec<Vec<String>>, markdown: bool) -> String {
         column.set_cell_alignment(CellAlignment::Right);
     }
     table.trim_fmt()
-}
-
-/// With commas, as people read large numbers.
-fn thousands(value: u64) -> String {
-    let digits = value.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn large_numbers_have_commas() {
-        let cases = [
-            (0, "0"),
-            (999, "999"),
-            (1_000, "1,000"),
-            (1_234_567, "1,234,567"),
-        ];
-        for (value, text) in cases {
-            assert_eq!(thousands(value), text);
-        }
-    }
 }

@@ -160,62 +160,60 @@ pub fn run(options: &Cycles) -> Result<Verdict> {
 /// The filters that the options name; each name must match one. All where none is named, unless
 /// laws are.
 fn choose(options: &Cycles) -> Result<Vec<Candidate>> {
-    if options.filter.is_empty() && options.library.is_empty() && !options.law.is_empty() {
-        return Ok(Vec::new());
+    let Cycles {
+        filter,
+        library,
+        law,
+        ..
+    } = options;
+    let mut all = candidates::all();
+    let is_filter = |c: &Candidate, name: &str| c.filter.contains(name);
+    let is_library = |c: &Candidate, name: &str| c.library == name;
+    must_be_there("filter", filter, &all, is_filter, |c| c.filter.clone())?;
+    must_be_there("library", library, &all, is_library, |c| c.library.into())?;
+    all.retain(|c| filter.is_empty() || filter.iter().any(|name| is_filter(c, name)));
+    all.retain(|c| library.is_empty() || library.iter().any(|name| is_library(c, name)));
+    let (filters, libraries) = (filter.join(", "), library.join(", "));
+    match (filters.is_empty() && libraries.is_empty(), all.is_empty()) {
+        (true, _) if !law.is_empty() => Ok(Vec::new()),
+        (_, true) => bail!(BadInput::new(format!(
+            "{libraries} has no filter {filters}"
+        ))),
+        _ => Ok(all),
     }
-    let all = candidates::all();
-    let is_filter = |c: &Candidate, name: &String| c.filter.contains(name);
-    let is_library = |c: &Candidate, name: &String| c.library == name;
-    for name in &options.filter {
-        if !all.iter().any(|c| is_filter(c, name)) {
-            return Err(unknown(
-                "filter",
-                name,
-                all.iter().map(|c| c.filter.as_str()),
-            ));
-        }
-    }
-    for name in &options.library {
-        if !all.iter().any(|c| is_library(c, name)) {
-            return Err(unknown("library", name, all.iter().map(|c| c.library)));
-        }
-    }
-    let chosen: Vec<_> = all
-        .into_iter()
-        .filter(|c| options.filter.is_empty() || options.filter.iter().any(|n| is_filter(c, n)))
-        .filter(|c| options.library.is_empty() || options.library.iter().any(|n| is_library(c, n)))
-        .collect();
-    if chosen.is_empty() {
-        bail!(BadInput::new(format!(
-            "{} has no filter {}",
-            options.library.join(", "),
-            options.filter.join(", ")
-        )));
-    }
-    Ok(chosen)
 }
 
 /// The laws with one of these in their names; each must be in one.
 fn choose_laws(names: &[String]) -> Result<Vec<Law>> {
-    let all = laws::all();
-    let is_law = |law: &Law, name: &String| name == ALL || law.full_name().contains(name);
-    for name in names {
-        if !all.iter().any(|law| is_law(law, name)) {
-            let known: Vec<_> = all.iter().map(Law::full_name).collect();
-            let known = known.iter().map(String::as_str).chain([ALL]);
-            return Err(unknown("law", name, known));
-        }
-    }
-    let chosen = all.into_iter();
-    Ok(chosen
-        .filter(|law| names.iter().any(|name| is_law(law, name)))
-        .collect())
+    let mut all = laws::all();
+    let is_law = |law: &Law, name: &str| name == ALL || law.full_name().contains(name);
+    let known = |law: &Law| format!("{ALL}, {}", law.full_name());
+    must_be_there("law", names, &all, is_law, known)?;
+    all.retain(|law| names.iter().any(|name| is_law(law, name)));
+    Ok(all)
 }
 
-fn unknown<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a str>) -> anyhow::Error {
-    let known: BTreeSet<_> = known.collect();
-    let known: Vec<_> = known.into_iter().collect();
-    BadInput::new(format!("no {what} {name}; there are {}", known.join(", "))).into()
+/// # Errors
+/// One of `names` is the name of nothing.
+fn must_be_there<T>(
+    what: &str,
+    names: &[String],
+    all: &[T],
+    is: impl Fn(&T, &str) -> bool,
+    known: impl Fn(&T) -> String,
+) -> Result<()> {
+    let Some(name) = names
+        .iter()
+        .find(|name| !all.iter().any(|one| is(one, name)))
+    else {
+        return Ok(());
+    };
+    let known: Vec<_> = all.iter().map(known).collect();
+    let known: BTreeSet<_> = known.iter().flat_map(|known| known.split(", ")).collect();
+    let known = known.into_iter().collect::<Vec<_>>().join(", ");
+    bail!(BadInput::new(format!(
+        "no {what} {name}; there are {known}"
+    )))
 }
 
 /// Makes images of the package `cycles`.

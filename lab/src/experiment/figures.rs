@@ -6,6 +6,8 @@ use serde::Serialize;
 use super::candidates::{CANDIDATES, Candidate, Origin};
 use super::parts::Part;
 use super::truth::{Angles, Kind, TimedSample};
+use report::measure::Limit::{self, AtMost, Within};
+use report::measure::{Figure, Figures, data, figure, judged, rows};
 use report::table::Table;
 
 /// Largest mean deviation of an axis, deg: the thesis' requirement.
@@ -17,46 +19,25 @@ const MOST_MOTION_DEG: f64 = 0.5;
 /// Names of the axes.
 pub const AXES: [&str; 3] = ["roll", "pitch", "yaw"];
 
-/// Everything, as printed by `--json`.
-#[derive(Debug, Serialize)]
-pub struct Figures {
-    /// Its name on the command line.
-    pub experiment: &'static str,
-    /// Seed of all that is random.
-    pub seed: u64,
-    /// Samples over which errors are taken.
-    pub samples: u64,
-    /// A row for each estimator.
-    pub estimators: Vec<Row>,
-    /// Whether every requirement holds.
-    pub met: bool,
-    /// What was missed, in words.
-    pub missed: Vec<String>,
-}
-
 /// An estimator's errors, deg.
-#[derive(Debug, Serialize)]
-pub struct Row {
+#[derive(Debug)]
+pub struct Estimator {
     /// Its name.
     pub name: &'static str,
     /// Whether it has to meet the requirements.
-    pub required: bool,
-    /// Errors of roll.
-    pub roll: Axis,
-    /// Errors of pitch.
-    pub pitch: Axis,
-    /// Errors of yaw.
-    pub yaw: Axis,
+    required: bool,
+    /// Errors of roll, pitch and yaw.
+    axes: [Axis; 3],
     /// Root of the sum of the axes' mean squares.
-    pub combined_rmse_deg: f64,
+    combined_rmse_deg: f64,
     /// What the thesis measured with it.
-    pub thesis: Option<Published>,
+    thesis: Option<Published>,
     /// Its errors in the parts of an experiment that has parts.
     pub parts: Vec<PartErrors>,
 }
 
 /// Errors in a part, deg.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Serialize)]
 pub struct PartErrors {
     /// What acts in it.
     pub part: String,
@@ -119,7 +100,7 @@ fn tilt_deg(one: &Angles, other: &Angles) -> f64 {
 
 /// Figures of an axis. The first three are of the error, estimate less reference; the last two are
 /// of the estimate itself, as in the thesis' tables 6.1 and 6.2.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Axis {
     /// Mean error, deg.
     pub mean_deg: f64,
@@ -212,7 +193,7 @@ impl Sums {
     }
 }
 
-impl Row {
+impl Estimator {
     fn of(
         kind: Kind,
         index: usize,
@@ -220,191 +201,154 @@ impl Row {
         samples: &[TimedSample],
         angles: &[Angles],
     ) -> Self {
-        let axis = |axis: usize| {
-            Axis::of(
-                samples
-                    .iter()
-                    .zip(angles)
-                    .filter(|(sample, _)| kind.counts(sample.time_s))
-                    .map(|(sample, angles)| (angles[axis], sample.reference_deg[axis])),
-            )
-        };
-        let [roll, pitch, yaw] = [axis(0), axis(1), axis(2)];
+        let counted = samples.iter().zip(angles);
+        let counted = counted.filter(|(sample, _)| kind.counts(sample.time_s));
+        let axes = [0, 1, 2].map(|axis| {
+            let pairs = counted.clone();
+            Axis::of(pairs.map(|(sample, angles)| (angles[axis], sample.reference_deg[axis])))
+        });
+        let [roll, pitch, yaw] = axes.map(|axis| axis.rmse_deg);
         let table: &[Published] = match kind {
             Kind::Static => &STATIC,
             Kind::Motion => &MOTION,
             _ => &[],
         };
         let parts = kind.parts();
+        let parts = parts
+            .iter()
+            .map(|part| PartErrors::of(part, samples, angles));
         Self {
             name: candidate.name,
             required: candidate.origin == Origin::Required,
-            roll,
-            pitch,
-            yaw,
-            combined_rmse_deg: roll.rmse_deg.hypot(pitch.rmse_deg).hypot(yaw.rmse_deg),
+            axes,
+            combined_rmse_deg: roll.hypot(pitch).hypot(yaw),
             thesis: table.get(index).copied(),
-            parts: parts
-                .iter()
-                .map(|part| PartErrors::of(part, samples, angles))
-                .collect(),
+            parts: parts.collect(),
         }
     }
 
-    /// Roll, pitch and yaw.
-    pub fn axes(&self) -> [Axis; 3] {
-        [self.roll, self.pitch, self.yaw]
-    }
-
-    fn missed(&self, kind: Kind) -> Vec<String> {
-        let mut missed = Vec::new();
-        if !matches!(kind, Kind::Static | Kind::Motion) {
-            return missed;
-        }
-        let mut at_most = |what: &str, value: f64, most: f64| {
-            if value.is_nan() || value > most {
-                missed.push(format!(
-                    "{}: {what} {value:.3} deg, at most {most} deg",
-                    self.name
-                ));
-            }
+    /// All of each candidate.
+    pub fn all(kind: Kind, samples: &[TimedSample], estimates: &[Vec<Angles>]) -> Vec<Self> {
+        let candidates = CANDIDATES.iter().zip(estimates).enumerate();
+        let of = |(index, (candidate, angles)): (usize, (_, &Vec<Angles>))| {
+            Self::of(kind, index, candidate, samples, angles)
         };
-        for (name, axis) in AXES.iter().zip(self.axes()) {
-            at_most(&format!("mean {name}"), axis.mean_deg.abs(), MOST_MEAN_DEG);
-            if kind == Kind::Motion {
-                at_most(&format!("RMSE {name}"), axis.rmse_deg, MOST_MOTION_DEG);
-            }
-        }
-        if kind == Kind::Static {
-            at_most("combined RMSE", self.combined_rmse_deg, MOST_STATIC_DEG);
-        }
-        missed
+        candidates.map(of).collect()
+    }
+
+    /// Its figures, held to what is required of it.
+    fn figures(&self, kind: Kind) -> [Figure; 8] {
+        let held = |is_held: bool, limit: Limit| (is_held && self.required).then_some(limit);
+        let is_thesis = matches!(kind, Kind::Static | Kind::Motion);
+        let mean = held(is_thesis, Within(-MOST_MEAN_DEG, MOST_MEAN_DEG));
+        let rmse = held(kind == Kind::Motion, AtMost(MOST_MOTION_DEG));
+        let combined = held(kind == Kind::Static, AtMost(MOST_STATIC_DEG));
+        let deg = |key, deg: f64, label: &str| figure(key, deg).shown(label, "", 3);
+        let axis = |axis: usize| {
+            let (name, of) = (AXES[axis], self.axes[axis]);
+            figure(
+                name,
+                [
+                    deg("mean_deg", of.mean_deg, &format!("{name} mean")).limit(mean),
+                    deg("std_deg", of.std_deg, "std"),
+                    deg("rmse_deg", of.rmse_deg, "RMSE").limit(rmse),
+                    figure("signal_mean_deg", of.signal_mean_deg),
+                    figure("signal_std_deg", of.signal_std_deg),
+                ],
+            )
+        };
+        let thesis = self.thesis.map(|thesis| {
+            vec![
+                data("signal_mean_deg", &thesis.signal_mean_deg),
+                data("signal_std_deg", &thesis.signal_std_deg),
+                deg("combined_rmse_deg", thesis.combined_rmse_deg, "thesis"),
+            ]
+        });
+        [
+            figure("name", self.name).shown("error, deg", "", 0),
+            figure("required", self.required),
+            axis(0),
+            axis(1),
+            axis(2),
+            deg("combined_rmse_deg", self.combined_rmse_deg, "combined RMSE").limit(combined),
+            figure("thesis", thesis).shown("thesis", "", 3).or(""),
+            data("parts", &self.parts),
+        ]
     }
 }
 
-impl Figures {
-    /// From what each candidate estimated.
-    pub fn new(kind: Kind, seed: u64, samples: &[TimedSample], estimates: &[Vec<Angles>]) -> Self {
-        let estimators: Vec<Row> = CANDIDATES
-            .iter()
-            .zip(estimates)
-            .enumerate()
-            .map(|(index, (candidate, angles))| Row::of(kind, index, candidate, samples, angles))
-            .collect();
-        let missed: Vec<String> = estimators
-            .iter()
-            .filter(|row| row.required)
-            .flat_map(|row| row.missed(kind))
-            .collect();
-        let counted = samples.iter().filter(|sample| kind.counts(sample.time_s));
-        Self {
-            experiment: kind.name(),
-            seed,
-            samples: counted.count() as u64,
-            estimators,
-            met: missed.is_empty(),
-            missed,
-        }
-    }
-
-    /// Errors for people, a line for each estimator.
-    pub fn text(&self) -> String {
-        match self.parts() {
-            parts if parts.is_empty() => self.errors().text(),
-            parts => parts.text(),
-        }
-    }
-
-    /// RMSE of the tilt in each part, and after an acceleration the time until it was recovered;
-    /// empty for an experiment without parts.
-    pub fn parts(&self) -> Table {
-        let mut head = vec!["tilt RMSE, deg".to_owned()];
-        head.extend(self.estimators.iter().map(|row| row.name.to_owned()));
-        let cell = |errors: &PartErrors| {
-            let recovered = errors.recovered_s;
-            let recovered = recovered.map(|s| format!(", {s:.1} s"));
-            format!(
+/// All figures: under `estimators` a row for each, under no key one for each part.
+pub fn figures(kind: Kind, seed: u64, samples: &[TimedSample], all: &[Estimator]) -> Figures {
+    let counted = samples
+        .iter()
+        .filter(|sample| kind.counts(sample.time_s))
+        .count();
+    let parts = kind.parts().into_iter().enumerate().map(|(index, part)| {
+        let cell = |estimator: &Estimator| {
+            let errors = &estimator.parts[index];
+            let recovered = errors.recovered_s.map(|s| format!(", {s:.1} s"));
+            let text = format!(
                 "{:.2}{}",
                 errors.tilt_rmse_deg,
                 recovered.unwrap_or_default()
-            )
-        };
-        let first = self.estimators.first();
-        let parts = first.into_iter().flat_map(|row| &row.parts).enumerate();
-        let rows: Vec<Vec<String>> = parts
-            .map(|(index, part)| {
-                let errors = self.estimators.iter().map(|row| row.parts.get(index));
-                let cells = errors.map(|errors| errors.map_or(String::new(), cell));
-                std::iter::once(part.part.clone()).chain(cells).collect()
-            })
-            .collect();
-        Table::new(head, rows).right_aligned()
-    }
-
-    /// Errors: mean, standard deviation and RMSE of each axis, and combined.
-    pub fn errors(&self) -> Table {
-        let row = |row: &Row| {
-            let mut cells = vec![row.name.to_owned()];
-            for axis in row.axes() {
-                cells.extend([axis.mean_deg, axis.std_deg, axis.rmse_deg].map(figure));
-            }
-            cells.push(figure(row.combined_rmse_deg));
-            cells.push(
-                row.thesis
-                    .map_or(String::new(), |thesis| figure(thesis.combined_rmse_deg)),
             );
-            cells
+            figure("", text).shown(estimator.name, "", 0)
         };
-        Table::new(ERROR_COLUMNS, self.estimators.iter().map(row)).right_aligned()
-    }
-
-    /// Mean and deviation of the estimates as in the thesis' tables 6.1 and 6.2, below each the
-    /// thesis' own row where there is one.
-    pub fn signals(&self) -> Table {
-        let mut rows = Vec::new();
-        for row in &self.estimators {
-            let mut line = |name: String, mean: Angles, std: Angles| {
-                let mut cells = vec![name];
-                for (mean, std) in mean.into_iter().zip(std) {
-                    cells.extend([figure(mean), figure(std)]);
-                }
-                rows.push(cells);
-            };
-            let axes = row.axes();
-            line(
-                row.name.to_owned(),
-                axes.map(|axis| axis.signal_mean_deg),
-                axes.map(|axis| axis.signal_std_deg),
-            );
-            if let Some(thesis) = &row.thesis {
-                line(
-                    "as published".to_owned(),
-                    thesis.signal_mean_deg,
-                    thesis.signal_std_deg,
-                );
-            }
-        }
-        Table::new(SIGNAL_COLUMNS, rows)
-    }
+        let name = figure("", part.name()).shown("tilt RMSE, deg", "", 0);
+        std::iter::once(name)
+            .chain(all.iter().map(cell))
+            .collect::<Vec<_>>()
+    });
+    let parts = rows("", parts);
+    // Nothing is required of what has parts.
+    let judged = if kind.parts().is_empty() {
+        Vec::new()
+    } else {
+        judged(Vec::new())
+    };
+    let figures = [
+        figure("experiment", kind.name()),
+        figure("seed", seed),
+        figure("samples", counted),
+        rows(
+            "estimators",
+            all.iter().map(|estimator| estimator.figures(kind)),
+        ),
+        parts,
+    ];
+    Figures::from(figures.into_iter().chain(judged))
 }
 
-/// Columns of [`Figures::errors`].
-const ERROR_COLUMNS: [&str; 12] = [
-    "error, deg",
-    "roll mean",
-    "std",
-    "RMSE",
-    "pitch mean",
-    "std",
-    "RMSE",
-    "yaw mean",
-    "std",
-    "RMSE",
-    "combined RMSE",
-    "thesis",
-];
+/// Mean and deviation of the estimates as in the thesis' tables 6.1 and 6.2, below each the thesis'
+/// own row where there is one.
+pub fn signals(all: &[Estimator]) -> Table {
+    let line = |name: &str, mean: Angles, std: Angles| {
+        let pairs = mean.into_iter().zip(std);
+        let cells = pairs.flat_map(|(mean, std)| [mean, std].map(|deg| format!("{deg:.3}")));
+        std::iter::once(name.to_owned())
+            .chain(cells)
+            .collect::<Vec<_>>()
+    };
+    let rows = all.iter().flat_map(
+        |Estimator {
+             name, axes, thesis, ..
+         }| {
+            let mean = axes.map(|axis| axis.signal_mean_deg);
+            let own = line(name, mean, axes.map(|axis| axis.signal_std_deg));
+            let published = thesis.map(|thesis| {
+                line(
+                    "as published",
+                    thesis.signal_mean_deg,
+                    thesis.signal_std_deg,
+                )
+            });
+            std::iter::once(own).chain(published)
+        },
+    );
+    Table::new(SIGNAL_COLUMNS, rows)
+}
 
-/// Columns of [`Figures::signals`].
+/// Columns of [`signals`].
 const SIGNAL_COLUMNS: [&str; 7] = [
     "estimate, deg",
     "roll mean",
@@ -414,10 +358,6 @@ const SIGNAL_COLUMNS: [&str; 7] = [
     "yaw mean",
     "std",
 ];
-
-fn figure(value: f64) -> String {
-    format!("{value:.3}")
-}
 
 #[cfg(test)]
 mod tests {
@@ -465,23 +405,20 @@ mod tests {
             signal_mean_deg: 0.0,
             signal_std_deg: 0.0,
         };
-        let row = Row {
+        let estimator = Estimator {
             name: "Mahony",
             required: true,
-            roll: axis(0.0, 0.1),
-            pitch: axis(1.6, 0.1),
-            yaw: axis(0.0, 0.3),
+            axes: [axis(0.0, 0.1), axis(-1.6, 0.1), axis(0.0, 0.3)],
             combined_rmse_deg: 1.64,
             thesis: None,
             parts: Vec::new(),
         };
+        let missed = |kind| figures(kind, 1, &[], std::slice::from_ref(&estimator)).missed_keys();
+        let mean = "estimators[0].pitch.mean_deg";
         assert_eq!(
-            row.missed(Kind::Static),
-            [
-                "Mahony: mean pitch 1.600 deg, at most 1.5 deg",
-                "Mahony: combined RMSE 1.640 deg, at most 0.4 deg"
-            ]
+            missed(Kind::Static),
+            [mean, "estimators[0].combined_rmse_deg"]
         );
-        assert!(row.missed(Kind::Motion)[1].contains("RMSE pitch 1.603"));
+        assert_eq!(missed(Kind::Motion), [mean, "estimators[0].pitch.rmse_deg"]);
     }
 }

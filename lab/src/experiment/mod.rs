@@ -10,11 +10,11 @@ mod truth;
 use anyhow::Result;
 
 use ::report::exit::Verdict;
-use ::report::file::{hand_over, print_figures};
 use ::report::kind::{Kind as FileKind, given_or};
 use candidates::CANDIDATES;
-use figures::Figures;
+use figures::Estimator;
 use ground::filters::progress::Progress;
+use report::Traces;
 use truth::Kind;
 mod options;
 pub use options::{Experiment, ExperimentCommand, GyroBias, Sensing};
@@ -49,8 +49,13 @@ pub fn run(options: &Experiment) -> Result<Verdict> {
     }
     progress.end();
 
-    let figures = Figures::new(kind, sensing.seed, &samples, &estimates);
-    let page = report::render(kind, &figures, &samples, &estimates)?;
-    let printed = print_figures(&figures, sensing.json, Figures::text);
-    hand_over(printed, Some((&path, page)), &figures.missed)
+    let estimators = Estimator::all(kind, &samples, &estimates);
+    let figures = figures::figures(kind, sensing.seed, &samples, &estimators);
+    let traces = Traces {
+        kind,
+        samples: &samples,
+        estimates: &estimates,
+    };
+    let page = report::render(&traces, sensing.seed, &figures, &estimators)?;
+    figures.conclude(sensing.json, Some((&path, page)))
 }

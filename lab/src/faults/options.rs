@@ -34,23 +34,8 @@ Examples:
   cargo lab faults merge part*.csv                    what many shards add up to
   cargo lab faults rerun report/faults/RUN.toml        one unsafe run again
 
-A run with a fault of the sensor or its cable is safe if the drone is back on course with control
-active (recovered), or if the firmware is in failsafe (neutral); in both cases without a missing or
-wild pulse, without a reset, and with the rudder never off neutral for more than 100 ms without
-valid data. A run with any other fault (of memory, registers, clocks, interrupts, program, supply or
-host) is safe if the rudder is never driven wrongly for more than 200 ms, and is under control or at
-neutral at the end, behind a reset too (restarted). In another phase than the flight every pulse off
-neutral is a wrong one, and nothing is armed or in control without an order. What is stored at the
-end is what somebody has stored. Everything else is unsafe. The same seed gives the same runs.
-
-A pulse that is neither neutral nor what the firmware had asked for, and a pin that stays high, are
-unsafe by themselves: a servo goes where the last pulse says. Where the fault is a wrong register,
-that holds for the last pulse before a silence; where it ends the pulses itself, as the reset button
-does, such pulses are only counted.
-
-A run of a sound vehicle has an alarm if the chip is reset, if a failsafe or a latched fault comes
-that nobody ordered, if an order is refused that a sound vehicle obeys, if a burst is refused, a
-step lost or late by 100 us, a parameter lost, or if there is a pulse that nobody asked for.
+The same seed gives the same runs. docs/faults.md says what is safe, what is unsafe, and what of a
+sound vehicle is an alarm.
 
 Exit status: 0 no unsafe run and no alarm (and 99 % of glitches ridden out), 1 at least one or
 something failed, 2 unusable input."
