@@ -30,7 +30,6 @@
 //! | [`drone`] | the drone with a prescribed crank: what the virtual rig flies |
 //! | [`two_axis`] | the drone with two rudders in a joint, free to pitch, roll and spin |
 //! | [`free`] | free motion of pitch and crank, energy and momentum |
-//! | [`newton_euler`] | all four bodies with the forces in their joints |
 //! | [`integrate`] | integration with step control |
 //! | [`linear`] | state space, poles, zeros, margins |
 //! | [`limit`] | the time-optimal limit |
@@ -70,7 +69,6 @@ pub mod limit;
 pub mod linear;
 pub mod linkage;
 pub mod mechanism;
-pub mod newton_euler;
 pub mod parameters;
 pub mod pitch_loop;
 pub mod response;

@@ -109,48 +109,6 @@ pub fn time_optimal(
     })
 }
 
-/// The soonest that any controller can be within `band` (a share of the start) for good: it
-/// aims at rest on the band's far edge. In s.
-///
-/// # Errors
-/// See [`LimitError`].
-pub fn soonest_settling_s(
-    parameters: &Parameters,
-    actuator: Actuator,
-    pitch_rad: f64,
-    rate_rad_s: f64,
-    band: f64,
-) -> Result<f64, LimitError> {
-    let edge = -band * pitch_rad;
-    let limit = time_optimal(parameters, actuator, pitch_rad, rate_rad_s, edge)?;
-    // The last sample lies on the edge itself; rounding must not put it outside.
-    limit
-        .response
-        .settling_s(band * (1.0 + 1e-6))
-        .ok_or(LimitError::OutOfReach)
-}
-
-/// Time to rest with an infinitely fast rudder that gives these accelerations (rad/s2, sizes) while
-/// pushing back and while braking, in s.
-pub fn instant_rudder_s(push: f64, brake: f64, pitch_rad: f64, rate_rad_s: f64) -> f64 {
-    let (pitch, rate) = (pitch_rad.abs(), rate_rad_s * pitch_rad.signum());
-    let peak = ((pitch + rate * rate / (2.0 * push)) / (0.5 / push + 0.5 / brake)).sqrt();
-    (rate + peak) / push + peak / brake
-}
-
-/// Pitch accelerations (sizes, in rad/s2) with the crank held at `+limit` and `-limit`, upright.
-///
-/// # Errors
-/// As [`Parameters::validate`].
-pub fn authority(parameters: &Parameters, limit_rad: f64) -> Result<(f64, f64), ParameterError> {
-    let mut drone = Drone::new(parameters, 0.0, 0.0)?;
-    let mut at = |crank: f64| {
-        drone.place_crank(crank);
-        drone.acceleration_rad_s2().abs()
-    };
-    Ok((at(limit_rad), at(-limit_rad)))
-}
-
 /// The root of a monotonic function of an arc's duration: the bracket grows from a short arc, so
 /// that long arcs, which tumble the drone, are tried only where they are needed.
 fn bracketed(mut f: impl FnMut(f64) -> f64) -> Option<f64> {
@@ -246,6 +204,42 @@ mod tests {
         rate_rad_s: 8.73,
         ..SLOW
     };
+
+    /// The soonest that any controller can be within `band` (a share of the start) for good: it
+    /// aims at rest on the band's far edge. In s.
+    fn soonest_settling_s(
+        parameters: &Parameters,
+        actuator: Actuator,
+        pitch_rad: f64,
+        rate_rad_s: f64,
+        band: f64,
+    ) -> Result<f64, LimitError> {
+        let edge = -band * pitch_rad;
+        let limit = time_optimal(parameters, actuator, pitch_rad, rate_rad_s, edge)?;
+        // The last sample lies on the edge itself; rounding must not put it outside.
+        limit
+            .response
+            .settling_s(band * (1.0 + 1e-6))
+            .ok_or(LimitError::OutOfReach)
+    }
+
+    /// Time to rest with an infinitely fast rudder that gives these accelerations (rad/s2, sizes) while
+    /// pushing back and while braking, in s.
+    fn instant_rudder_s(push: f64, brake: f64, pitch_rad: f64, rate_rad_s: f64) -> f64 {
+        let (pitch, rate) = (pitch_rad.abs(), rate_rad_s * pitch_rad.signum());
+        let peak = ((pitch + rate * rate / (2.0 * push)) / (0.5 / push + 0.5 / brake)).sqrt();
+        (rate + peak) / push + peak / brake
+    }
+
+    /// Pitch accelerations (sizes, in rad/s2) with the crank held at `+limit` and `-limit`, upright.
+    fn authority(parameters: &Parameters, limit_rad: f64) -> Result<(f64, f64), ParameterError> {
+        let mut drone = Drone::new(parameters, 0.0, 0.0)?;
+        let mut at = |crank: f64| {
+            drone.place_crank(crank);
+            drone.acceleration_rad_s2().abs()
+        };
+        Ok((at(limit_rad), at(-limit_rad)))
+    }
 
     /// Reference: to rest, within 2 % and 5 %, in s.
     #[test]

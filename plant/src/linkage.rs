@@ -11,10 +11,6 @@
 //! With the drone's lengths the crank is the shortest bar and `L1 + L2 < L3 + Lg`: a crank-rocker
 //! (Grashof), whose crank turns fully and whose rudder swings between two dead points.
 
-/// Iterations after which Newton-Raphson is taken to have failed; from a neighbouring solution it
-/// needs four to six.
-const NEWTON_ITERATIONS: usize = 30;
-
 /// The linkage's four lengths, which are not checked here:
 /// [`Parameters::validate`](crate::Parameters::validate) does that.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,17 +45,6 @@ pub struct LinkageState {
     pub link_curvature: f64,
     /// `H3 = d2 theta3 / d theta1^2`, in 1/rad.
     pub rudder_curvature: f64,
-}
-
-/// Link and rudder angles found by Newton-Raphson.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Root {
-    /// Link angle `theta2`, in rad.
-    pub link_rad: f64,
-    /// Rudder angle `theta3`, in rad.
-    pub rudder_rad: f64,
-    /// Steps taken.
-    pub iterations: usize,
 }
 
 impl Linkage {
@@ -143,26 +128,6 @@ impl Linkage {
             self.ground_m - self.crank_m * s1 - self.link_m * c2 + self.arm_m * s3,
             self.crank_m * c1 - self.link_m * s2 - self.arm_m * c3,
         ]
-    }
-
-    /// Link and rudder angles by Newton-Raphson from a start `(theta2, theta3)`, as the thesis
-    /// solves the loop. `None` where it does not converge.
-    pub fn newton_raphson(&self, crank_rad: f64, start: (f64, f64)) -> Option<Root> {
-        let (mut link, mut rudder) = start;
-        for iterations in 1..=NEWTON_ITERATIONS {
-            let residual = self.residual([crank_rad, link, rudder]);
-            let (dlink, drudder) = self.solve_slaves(link, rudder, residual);
-            link -= dlink;
-            rudder -= drudder;
-            if dlink.abs().max(drudder.abs()) < 1e-14 {
-                return Some(Root {
-                    link_rad: link,
-                    rudder_rad: rudder,
-                    iterations,
-                });
-            }
-        }
-        None
     }
 
     /// The crank angle for a rudder angle (rad), on the branch where both turn the same way.
@@ -289,20 +254,6 @@ mod tests {
             worst = worst.max((fit - linkage().angles(x).1).abs());
         }
         assert!((2.0e-4..2.5e-4).contains(&worst), "{worst}");
-    }
-
-    #[test]
-    fn newton_raphson_agrees_with_the_closed_form() {
-        let mut start = (-0.2014, 0.0106);
-        for i in 0..=160 {
-            let crank = 0.8 * f64::from(i) / 160.0;
-            let root = linkage().newton_raphson(crank, start).unwrap();
-            let (link, rudder) = linkage().angles(crank);
-            assert!((root.link_rad - link).abs() < 2e-15);
-            assert!((root.rudder_rad - rudder).abs() < 2e-15);
-            assert!(root.iterations <= 6);
-            start = (root.link_rad, root.rudder_rad);
-        }
     }
 
     proptest! {

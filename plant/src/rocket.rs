@@ -18,7 +18,6 @@
 use serde::{Deserialize, Serialize};
 
 use crate::parameters::{ParameterError, finite, named, positive};
-use crate::response::{ResponseError, StepResponse};
 
 /// Density of air at sea level, in kg/m3.
 const SEA_LEVEL_KG_M3: f64 = 1.225;
@@ -26,10 +25,6 @@ const SEA_LEVEL_KG_M3: f64 = 1.225;
 pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 /// Step of the ascent, in s.
 const ASCENT_STEP_S: f64 = 0.01;
-/// Step of the attitude, in s.
-const STEP_S: f64 = 1e-3;
-/// Period of the control law, in s.
-const CONTROL_S: f64 = 0.01;
 
 /// The rocket's figures.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -143,16 +138,6 @@ impl RocketParameters {
     pub(crate) fn density_kg_m3(&self, altitude_m: f64) -> f64 {
         SEA_LEVEL_KG_M3 * (-altitude_m / self.scale_height_m).exp()
     }
-
-    /// Specific impulse that thrust, propellant and burn time imply, in s.
-    pub fn implied_impulse_s(&self) -> f64 {
-        self.thrust_n * self.burn_s / (self.propellant_kg * GRAVITY_M_S2)
-    }
-
-    /// How long the propellant lasts at a specific impulse (s), in s.
-    pub fn burn_at_impulse_s(&self, impulse_s: f64) -> f64 {
-        self.propellant_kg * impulse_s * GRAVITY_M_S2 / self.thrust_n
-    }
 }
 
 /// Mass and inertia at a time of the burn.
@@ -218,26 +203,6 @@ pub struct Rocket {
     parameters: RocketParameters,
     /// Speed and altitude every [`ASCENT_STEP_S`].
     ascent: Vec<[f64; 2]>,
-}
-
-/// Attitude of both axes as a law gets it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Attitude {
-    /// Time since ignition, in s.
-    pub time_s: f64,
-    /// Pitch and yaw, in rad.
-    pub angle_rad: [f64; 2],
-    /// Their rates, in rad/s.
-    pub rate_rad_s: [f64; 2],
-}
-
-/// One sample of a controlled flight.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RocketSample {
-    /// Attitude.
-    pub attitude: Attitude,
-    /// Gimbal angles, in rad.
-    pub gimbal_rad: [f64; 2],
 }
 
 impl Rocket {
@@ -308,88 +273,6 @@ impl Rocket {
             altitude_m,
         }
     }
-
-    /// Time at which the ascent passes the speed of sound, in s.
-    pub fn supersonic_s(&self) -> Option<f64> {
-        let index = self
-            .ascent
-            .iter()
-            .position(|[speed, _]| *speed > self.parameters.sound_m_s)?;
-        Some(index as f64 * ASCENT_STEP_S)
-    }
-
-    /// Flies both axes from `start` for `seconds`, the law giving gimbal commands (rad) every 10
-    /// ms.
-    pub fn fly(
-        &self,
-        start: Attitude,
-        seconds: f64,
-        mut law: impl FnMut(&Attitude, &Flight) -> [f64; 2],
-    ) -> Vec<RocketSample> {
-        let p = &self.parameters;
-        let mut sample = RocketSample {
-            attitude: start,
-            gimbal_rad: [0.0; 2],
-        };
-        let mut samples = vec![sample];
-        let mut command = [0.0; 2];
-        let control_steps = (CONTROL_S / STEP_S).round() as u64;
-        // The lag over one step, exactly.
-        let approach = 1.0 - (-std::f64::consts::TAU * p.gimbal_hz * STEP_S).exp();
-        let most = p.gimbal_rate_rad_s * STEP_S;
-        for i in 0..(seconds / STEP_S).round() as u64 {
-            let flight = self.at(sample.attitude.time_s);
-            if i % control_steps == 0 {
-                let limit = p.gimbal_limit_rad;
-                command = law(&sample.attitude, &flight).map(|c| c.clamp(-limit, limit));
-            }
-            for (axis, command) in command.into_iter().enumerate() {
-                let gimbal = &mut sample.gimbal_rad[axis];
-                *gimbal += ((command - *gimbal) * approach).clamp(-most, most);
-                let state = [
-                    sample.attitude.angle_rad[axis],
-                    sample.attitude.rate_rad_s[axis],
-                ];
-                let delta = *gimbal;
-                let slope =
-                    |_: f64, x: &[f64; 2]| [x[1], -flight.mu_c * delta - flight.mu_a * x[0]];
-                let next = crate::integrate::rk4_step(slope, 0.0, &state, STEP_S);
-                sample.attitude.angle_rad[axis] = next[0];
-                sample.attitude.rate_rad_s[axis] = next[1];
-            }
-            sample.attitude.time_s = start.time_s + (i + 1) as f64 * STEP_S;
-            samples.push(sample);
-        }
-        samples
-    }
-
-    /// The response of one axis to an error (rad) at a time of the burn, for 4 s, with gains that
-    /// may change with the flight.
-    ///
-    /// # Errors
-    /// No error to respond to.
-    pub fn respond(
-        &self,
-        time_s: f64,
-        error_rad: f64,
-        gains: impl Fn(&Flight) -> Gains,
-    ) -> Result<StepResponse, ResponseError> {
-        let start = Attitude {
-            time_s,
-            angle_rad: [error_rad, 0.0],
-            rate_rad_s: [0.0; 2],
-        };
-        let samples = self.fly(start, 4.0, |attitude, flight| {
-            let Gains { kp, kd } = gains(flight);
-            [0, 1].map(|i| kp * attitude.angle_rad[i] + kd * attitude.rate_rad_s[i])
-        });
-        StepResponse::new(
-            samples
-                .iter()
-                .map(|s| (s.attitude.time_s, s.attitude.angle_rad[0])),
-            0.0,
-        )
-    }
 }
 
 /// Dynamic pressure in an exponential atmosphere, in Pa.
@@ -433,79 +316,6 @@ mod tests {
             let slope = (after.inertia_kg_m2 - before.inertia_kg_m2) / 2e-3;
             assert!((p.mass_at(time).inertia_slope_kg_m2_s - slope).abs() < 1e-3);
         }
-    }
-
-    #[test]
-    fn what_the_stated_figures_imply() {
-        let p = RocketParameters::SPICA;
-        assert!((p.implied_impulse_s() - 353.0).abs() < 0.5);
-        assert!((p.burn_at_impulse_s(250.0) - 64.0).abs() < 0.5);
-        let end = spica().at(90.0);
-        assert!((end.speed_m_s - 2533.0).abs() < 5.0);
-        assert!((end.altitude_m - 84e3).abs() < 500.0);
-        assert!((spica().supersonic_s().unwrap() - 21.0).abs() < 0.5);
-        assert!((spica().at(32.0).pressure_pa - 57e3).abs() < 500.0);
-    }
-
-    /// The schedule keeps the response through the burn; the gains of lift-off do not.
-    #[test]
-    fn responses_through_the_burn() {
-        let error = 5_f64.to_radians();
-        let fixed = spica().at(0.0).gains(3.0, 0.8);
-        let unstable = Rocket::new(&RocketParameters::SPICA_UNSTABLE).unwrap();
-        let mut fixed_settling = Vec::new();
-        let mut fixed_overshoot = 0.0_f64;
-        for time in [0.0, 20.0, 37.0, 60.0, 84.0] {
-            let response = spica().respond(time, error, |f| f.gains(3.0, 0.8)).unwrap();
-            let settling = response.settling_s(0.05).unwrap();
-            assert!(response.overshoot_pct() <= 1.2, "{time}");
-            assert!((1.09..1.155).contains(&settling), "{time}: {settling}");
-            let response = unstable
-                .respond(time, error, |f| f.gains(3.0, 0.8))
-                .unwrap();
-            let settling = response.settling_s(0.05).unwrap();
-            assert!((1.09..1.155).contains(&settling), "{time}: {settling}");
-            let response = spica().respond(time, error, |_| fixed).unwrap();
-            fixed_settling.push(response.settling_s(0.05).unwrap());
-            fixed_overshoot = fixed_overshoot.max(response.overshoot_pct());
-        }
-        fixed_settling.sort_by(f64::total_cmp);
-        assert!((fixed_overshoot - 8.2).abs() < 0.1, "{fixed_overshoot}");
-        assert!(
-            (fixed_settling[0] - 0.94).abs() < 0.01,
-            "{fixed_settling:?}"
-        );
-        assert!(
-            (fixed_settling[4] - 1.38).abs() < 0.01,
-            "{fixed_settling:?}"
-        );
-    }
-
-    /// Both axes are the same and do not mix; the gimbal keeps its limits.
-    #[test]
-    fn axes_are_independent_and_limited() {
-        let start = Attitude {
-            time_s: 10.0,
-            angle_rad: [0.3, -0.3],
-            rate_rad_s: [0.0; 2],
-        };
-        let samples = spica().fly(start, 3.0, |a, f| {
-            let Gains { kp, kd } = f.gains(3.0, 0.8);
-            [0, 1].map(|i| kp * a.angle_rad[i] + kd * a.rate_rad_s[i])
-        });
-        let p = RocketParameters::SPICA;
-        for pair in samples.windows(2) {
-            let [pitch, yaw] = pair[1].attitude.angle_rad;
-            assert!((pitch + yaw).abs() < 1e-12);
-            let moved = (pair[1].gimbal_rad[0] - pair[0].gimbal_rad[0]).abs();
-            assert!(moved <= p.gimbal_rate_rad_s * STEP_S * (1.0 + 1e-9));
-            assert!(pair[1].gimbal_rad[0].abs() <= p.gimbal_limit_rad);
-        }
-        assert!(
-            samples
-                .iter()
-                .any(|s| s.gimbal_rad[0] > 0.9 * p.gimbal_limit_rad)
-        );
     }
 
     #[test]

@@ -357,6 +357,4 @@ impl TwoAxisDrone {
 }
 
 #[cfg(test)]
-mod independent;
-#[cfg(test)]
 mod tests;

@@ -3,11 +3,17 @@
 use nalgebra::{Complex, RowVector4};
 use plant::free::State;
 use plant::linear::frequency::OpenLoop;
-use plant::linear::{equilibrium, equilibrium_at_crank, linearise};
+use plant::linear::{StateSpace, equilibrium, equilibrium_at_crank, linearise};
 use plant::pitch_loop::Timing;
 use plant::{Mechanism, Parameters, ServoModel};
 
-fn at_zero_rudder(p: &Parameters) -> plant::linear::StateSpace {
+/// The loop closed by `u = -gain x`, its poles.
+fn closed_poles(model: &StateSpace, gain: RowVector4<f64>) -> Vec<Complex<f64>> {
+    let a = model.a - model.b * gain;
+    StateSpace { a, ..model.clone() }.poles()
+}
+
+fn at_zero_rudder(p: &Parameters) -> StateSpace {
     let mechanism = Mechanism::new(p).unwrap();
     let point = State {
         crank_rad: mechanism.linkage().zero_rudder_crank_rad(),
@@ -85,24 +91,18 @@ fn poles_and_zeros() {
 fn torque_control_of_pitch_alone_is_unstable() {
     let model = at_zero_rudder(&Parameters::PHYS);
     for sign in [1.0, -1.0] {
-        let poles = model
-            .with_feedback(sign * RowVector4::new(2.0, 8.0, 0.0, 0.0))
-            .poles();
+        let poles = closed_poles(&model, sign * RowVector4::new(2.0, 8.0, 0.0, 0.0));
         assert!(poles.iter().any(|p| p.re > 1.0));
     }
     // The sign that steers the right way, with the thesis' gains of 2 and 8.
-    let right = model
-        .with_feedback(RowVector4::new(-2.0, -8.0, 0.0, 0.0))
-        .poles();
+    let right = closed_poles(&model, RowVector4::new(-2.0, -8.0, 0.0, 0.0));
     has(
         &right,
         &[(-131.6, 0.0), (-0.25, 0.0), (8.7, 52.7), (8.7, -52.7)],
         0.2,
     );
     // tau = kq (kp th0 + kd w0 - th1) - dq v1 stands.
-    let cascade = model
-        .with_feedback(-RowVector4::new(2.0, 0.6, -2.0, -0.06))
-        .poles();
+    let cascade = closed_poles(&model, -RowVector4::new(2.0, 0.6, -2.0, -0.06));
     has(
         &cascade,
         &[(-44.0, 27.0), (-44.0, -27.0), (-4.6, 3.6), (-4.6, -3.6)],

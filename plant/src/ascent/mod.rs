@@ -425,6 +425,4 @@ fn gimbal_after(p: &RocketParameters, from_rad: f64, command_rad: f64, dt_s: f64
 }
 
 #[cfg(test)]
-mod responses;
-#[cfg(test)]
 mod tests;

@@ -8,13 +8,13 @@ use proptest::prelude::*;
 use super::*;
 use crate::rocket::Rocket;
 
-pub(super) const STEP_S: f64 = 1e-3;
+const STEP_S: f64 = 1e-3;
 
 fn spica() -> Ascent {
     Ascent::new(&AscentParameters::SPICA, UnitQuaternion::identity()).unwrap()
 }
 
-pub(super) fn tilted(pitch: f64, roll: f64, heading: f64) -> UnitQuaternion<f64> {
+fn tilted(pitch: f64, roll: f64, heading: f64) -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading)
         * UnitQuaternion::from_scaled_axis(Vector3::new(roll, pitch, 0.0))
 }

@@ -176,14 +176,6 @@ impl StateSpace {
         TransferFunction::new(numerator, denominator)
     }
 
-    /// The loop closed by `u = -gain x`.
-    pub fn with_feedback(&self, gain: RowVector4<f64>) -> Self {
-        Self {
-            a: self.a - self.b * gain,
-            ..self.clone()
-        }
-    }
-
     /// Rank of the controllability matrix `[B, AB, A2B, A3B]`.
     pub fn controllability(&self) -> Rank {
         let time = self.time_scale();

@@ -1,6 +1,8 @@
 //! The drone with two rudders against the one-axis drone, the laws of conservation, and a cloud of
 //! mass points that is moved by hand.
 
+mod independent;
+
 use std::f64::consts::FRAC_PI_2;
 
 use super::*;

@@ -1,8 +1,9 @@
 //! The checks: numbers and the ranges that they must lie in.
 
-use plant::Parameters;
 use plant::scenario::Row;
+use plant::{Linkage, Parameters};
 
+use super::newton_euler;
 use super::runs::{Instant, Runs};
 
 /// A number that must lie in a range, and the thesis' figure that it belongs to, if any.
@@ -109,6 +110,26 @@ pub(crate) fn all(runs: &Runs) -> Vec<Check> {
     checks.0
 }
 
+/// Link and rudder angles by Newton-Raphson from a start `(theta2, theta3)`, as the thesis solves
+/// the loop; from a neighbouring solution it needs four to six iterations.
+fn newton_raphson(linkage: &Linkage, crank: f64, (mut link, mut rudder): (f64, f64)) -> (f64, f64) {
+    for _ in 0..6 {
+        let [x, y] = linkage.residual([crank, link, rudder]);
+        let ((s2, c2), (s3, c3)) = (link.sin_cos(), rudder.sin_cos());
+        let determinant = (link - rudder).cos();
+        let step = (
+            (s3 * x - c3 * y) / linkage.link_m / determinant,
+            (c2 * x + s2 * y) / linkage.arm_m / determinant,
+        );
+        link -= step.0;
+        rudder -= step.1;
+        if step.0.abs().max(step.1.abs()) < 1e-14 {
+            return (link, rudder);
+        }
+    }
+    panic!("no solution at a crank angle of {crank}");
+}
+
 fn linkage(checks: &mut Checks, runs: &Runs) {
     let linkage = Parameters::PHYS.linkage();
     let (low, high) = linkage.dead_points().unwrap();
@@ -119,9 +140,8 @@ fn linkage(checks: &mut Checks, runs: &Runs) {
     let mut start = (-0.2014, 0.0106);
     let mut apart = 0.0_f64;
     for row in &runs.sweep {
-        let root = linkage.newton_raphson(row.theta1, start).unwrap();
-        start = (root.link_rad, root.rudder_rad);
-        let difference = (root.link_rad - row.theta2).hypot(root.rudder_rad - row.theta3);
+        start = newton_raphson(&linkage, row.theta1, start);
+        let difference = (start.0 - row.theta2).hypot(start.1 - row.theta3);
         apart = apart.max(difference);
     }
     let sweep = runs.sweep.as_slice();
@@ -247,9 +267,7 @@ fn balances(checks: &mut Checks, runs: &Runs) {
     let mut apart = 0.0_f64;
     for instant in &runs.driven {
         let torque = 0.05 * (5.0 * instant.time_s).sin();
-        let full = runs
-            .mechanism
-            .dynamics(&instant.state, torque)
+        let full = newton_euler::dynamics(&runs.mechanism, &instant.state, torque)
             .unwrap()
             .accelerations_rad_s2;
         let reduced = runs.mechanism.accelerations(&instant.state, torque);

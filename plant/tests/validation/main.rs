@@ -3,6 +3,9 @@
 //! the table, and why two of the figures cannot be reproduced.
 
 mod checks;
+#[path = "../reference_states/newton_euler.rs"]
+#[expect(dead_code, reason = "the checks need no reactions")]
+mod newton_euler;
 mod printed;
 mod runs;
 

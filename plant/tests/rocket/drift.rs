@@ -1,10 +1,10 @@
-//! Step responses of the ascent beside those of the two-axis model in [`rocket`](crate::rocket).
+//! Step responses of the ascent beside those of the two-axis model.
 
-use nalgebra::UnitQuaternion;
+use nalgebra::{UnitQuaternion, Vector3};
+use plant::ascent::{Ascent, AscentParameters};
+use plant::rocket::{Rocket, RocketParameters};
 
-use super::tests::{STEP_S, tilted};
-use super::*;
-use crate::rocket::{Attitude, Rocket};
+use crate::two_axes::{Attitude, STEP_S, fly};
 
 /// How a step response under scheduled gains differs at most from that of `expected`, as a share of
 /// the step, in 2 s from `start_s`.
@@ -30,7 +30,7 @@ fn worst_against(
     };
     let expected = expected(&table, first, &law);
     let mut ascent = Ascent::new(parameters, UnitQuaternion::identity()).unwrap();
-    let attitude = tilted(angle_rad[0], angle_rad[1], 0.0);
+    let attitude = UnitQuaternion::from_scaled_axis(Vector3::new(angle_rad[1], angle_rad[0], 0.0));
     let position = [0.0, 0.0, -flight.altitude_m];
     let velocity = [0.0, 0.0, -flight.speed_m_s];
     ascent.release(start_s, position, velocity, attitude, [0.0; 3]);
@@ -55,11 +55,10 @@ fn worst_against(
 /// A law for gimbal commands, rad.
 type Law<'a> = dyn Fn(&Attitude) -> [f64; 2] + 'a;
 
-/// As [`Rocket::fly`] has it: along a vertical path.
+/// Along a vertical path.
 fn without_drift(table: &Rocket, first: Attitude, law: &Law, axis: usize) -> Vec<f64> {
-    let samples = table.fly(first, 2.0, |attitude, _| law(attitude));
-    let angles = samples.iter().map(|sample| sample.attitude.angle_rad[axis]);
-    angles.collect()
+    let samples = fly(table, first, 2.0, |attitude, _| law(attitude));
+    samples.iter().map(|(at, _)| at.angle_rad[axis]).collect()
 }
 
 /// The same with the speed sideways that the tilt brings, `y'' = (F - D) th / m + F delta / m + N
@@ -80,7 +79,7 @@ fn with_drift(table: &Rocket, first: Attitude, law: &Law, axis: usize) -> Vec<f6
         gimbal += ((command - gimbal) * lag).clamp(-most, most);
         let angle = now.angle_rad[axis];
         let attack = angle - aside / flight.speed_m_s;
-        let pressed = flight.pressure_pa * p.area_m2();
+        let pressed = flight.pressure_pa * std::f64::consts::FRAC_PI_4 * p.diameter_m.powi(2);
         let push = (p.thrust_n - pressed * p.drag) * angle
             + p.thrust_n * gimbal
             + pressed * p.normal_force_slope * attack;

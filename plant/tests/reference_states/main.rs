@@ -1,5 +1,7 @@
 //! The equations of motion against reference states, reference trajectories and each other.
 
+mod newton_euler;
+
 use plant::free::State;
 use plant::integrate::Adaptive;
 use plant::{Mechanism, Parameters};
@@ -31,7 +33,7 @@ fn newton_euler_matches_the_reference_states() {
         let linkage = mechanism.linkage().at(state.crank_rad);
         assert!((linkage.link_rad - row["theta2"]).abs() < 1e-13);
         assert!((linkage.rudder_rad - row["theta3"]).abs() < 1e-13);
-        let solution = mechanism.dynamics(&state, row["tau"]).unwrap();
+        let solution = newton_euler::dynamics(&mechanism, &state, row["tau"]).unwrap();
         let forces = [
             ("D", solution.pivot),
             ("O", solution.servo),
@@ -267,7 +269,7 @@ proptest! {
         p in any_parameters(), state in any_state(), torque in -0.5..0.5_f64,
     ) {
         let mechanism = Mechanism::new(&p).unwrap();
-        let full = mechanism.dynamics(&state, torque).unwrap().accelerations_rad_s2;
+        let full = newton_euler::dynamics(&mechanism, &state, torque).unwrap().accelerations_rad_s2;
         let reduced = mechanism.accelerations(&state, torque);
         for i in 0..2 {
             let size = reduced[0].abs().max(reduced[1].abs()).max(1.0);

@@ -8,7 +8,7 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 use proptest::prelude::*;
 
-use super::*;
+use super::super::*;
 use crate::Parameters;
 
 /// Time between the places of a difference, s.
