@@ -90,19 +90,6 @@ pub(crate) enum Verdict {
 }
 
 impl Bootloader {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Even, Self::Arduino, Self::Uf2, Self::None];
-
-    /// Its name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Even => "even",
-            Self::Arduino => "arduino",
-            Self::Uf2 => "uf2",
-            Self::None => "none",
-        }
-    }
-
     fn figures(self) -> Option<Figures> {
         match self {
             Self::Even => Some(EVEN),

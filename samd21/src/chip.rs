@@ -236,7 +236,7 @@ impl Chip {
 mod tests {
     use super::*;
     use crate::board::Unconnected;
-    use crate::testing::Bench;
+    use crate::tests::Bench;
 
     #[test]
     fn a_slow_clock_makes_fewer_cycles_in_the_same_time() {

@@ -41,7 +41,7 @@ pub mod memory;
 mod options;
 pub mod peripherals;
 #[cfg(test)]
-mod testing;
+mod tests;
 pub mod upset;
 pub mod usb_host;
 

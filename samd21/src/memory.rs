@@ -108,11 +108,6 @@ impl Memory {
         self.ram.get_mut(window(address, len, RAM_BASE, RAM_SIZE)?)
     }
 
-    /// The byte at `address` of flash or SRAM.
-    pub fn read_u8(&self, address: u32) -> Option<u8> {
-        self.bytes(address, 1).map(|bytes| bytes[0])
-    }
-
     /// The little-endian half-word at `address` of flash or SRAM; need not be aligned.
     pub fn read_u16(&self, address: u32) -> Option<u16> {
         self.bytes(address, 2)
@@ -235,7 +230,7 @@ mod tests {
         assert_eq!(memory.erase(0x2000, 1), Some(()));
         assert_eq!(memory.read_u16(0x2000), Some(0x0FFF));
         assert_eq!(memory.program(FLASH_SIZE - 1, &[0, 0]), None);
-        assert_eq!(memory.read_u8(FLASH_SIZE - 1), Some(0xFF));
+        assert_eq!(memory.bytes(FLASH_SIZE - 1, 1), Some(&[0xFF][..]));
     }
 
     #[test]
@@ -265,7 +260,7 @@ mod tests {
         assert_eq!(first.program(0, &[0]), Some(()));
         assert_eq!(first.write_u32(RAM_BASE, 0x1234_5678), Some(()));
         assert_eq!(first.read_u32(RAM_BASE), Some(0x1234_5678));
-        assert_eq!(second.read_u8(0), Some(0xFF));
+        assert_eq!(second.bytes(0, 1), Some(&[0xFF][..]));
         assert_ne!(second.read_u32(RAM_BASE), Some(0x1234_5678));
     }
 

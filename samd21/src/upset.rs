@@ -51,13 +51,15 @@ impl Chip {
     /// again.
     pub fn stop_dfll(&mut self, stopped: bool) {
         let now = self.now();
-        self.peripherals_mut().stop_dfll(now, stopped);
+        self.peripherals_mut()
+            .disturb(now, |sysctrl| sysctrl.stop_dfll(stopped));
     }
 
     /// Moves the DFLL's frequency by a relative error, ppm, beside what it has already.
     pub fn shift_dfll(&mut self, ppm: f64) {
         let now = self.now();
-        self.peripherals_mut().shift_dfll(now, ppm);
+        self.peripherals_mut()
+            .disturb(now, |sysctrl| sysctrl.shift_dfll(ppm));
     }
 
     /// Lets OSCULP32K run at another rate, Hz. What its clocks have counted stays counted.
@@ -82,7 +84,7 @@ mod tests {
     use crate::Options;
     use crate::board::Unconnected;
     use crate::chip::Stop;
-    use crate::testing::Bench;
+    use crate::tests::Bench;
 
     const TCC0: u32 = 0x4200_2000;
     const WDT: u32 = 0x4000_1000;

@@ -89,14 +89,3 @@ pub enum MagnetometerHealth {
     /// They give what the first one after power-on gave.
     Stuck,
 }
-
-impl MagnetometerHealth {
-    /// Its name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ok => "ok",
-            Self::Dead => "dead",
-            Self::Stuck => "stuck",
-        }
-    }
-}

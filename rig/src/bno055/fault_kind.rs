@@ -1,32 +1,32 @@
-//! The kinds of faults by name, and how their severity is drawn.
+//! The faults and their kinds by name, and how their severity is drawn.
 
-use super::Fault;
+use crate::named_enum::named_enum;
 use rand::Rng;
 use samd21::board::Ticks;
-use std::fmt;
-use std::str::FromStr;
 
-/// The kinds of faults, each with its name and the parameters that are drawn for it.
-macro_rules! fault_kinds {
-    ($($kind:ident = $name:literal $({ $($parameter:ident),* })?,)*) => {
-        /// A kind of fault; its severity is drawn for every run.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-        #[allow(missing_docs, reason = "each is the fault of the same name")]
-        pub enum FaultKind {
-            $($kind,)*
+/// The faults, each with its parameters and the name of its kind.
+macro_rules! faults {
+    ($(
+        $(#[$doc:meta])*
+        $kind:ident = $name:literal $({ $($parameter:ident: $type:ty),* })?,
+    )*) => {
+        /// A fault of the sensor, its supply or its cable ([`Bno055::inject`](super::Bno055::inject),
+        /// [`Bno055::clear`](super::Bno055::clear)). `probability` is the share of the bytes or words in
+        /// question that it strikes, 0 to 1; `stretch` is how long a byte is stretched; `clocks`
+        /// are the pulses until the data line is let go, 1 to 9.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        #[allow(missing_docs, reason = "the parameters are described once")]
+        pub enum Fault {
+            $($(#[$doc])* $kind $({ $($parameter: $type),* })?,)*
+        }
+
+        named_enum! {
+            /// A kind of fault; its severity is drawn for every run.
+            FaultKind, "fault";
+            $($(#[$doc])* $kind = $name,)*
         }
 
         impl FaultKind {
-            /// All of them.
-            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$kind),*];
-
-            /// Its name on the command line, in files and in tables.
-            pub fn name(self) -> &'static str {
-                match self {
-                    $(Self::$kind => $name,)*
-                }
-            }
-
             /// The kind of a fault.
             pub fn of(fault: &Fault) -> Self {
                 match fault {
@@ -45,30 +45,63 @@ macro_rules! fault_kinds {
     };
 }
 
-fault_kinds! {
+faults! {
+    /// The cable is off: no power, no acknowledge. Clearing plugs it in again, and the chip boots.
     Unplugged = "unplugged",
+    /// The chip has power and does not acknowledge, as some do after a reset by command or after
+    /// unexpected clocks. Clearing cuts its power, and it boots.
     Hung = "hung",
+    /// Something holds the data line low.
     SdaStuck = "sda-stuck",
+    /// Something holds the clock line low.
     SclStuck = "scl-stuck",
-    SdaHeld = "sda-held" { clocks },
+    /// The chip was interrupted inside a byte and holds the data line until it has seen this many
+    /// clock pulses.
+    SdaHeld = "sda-held" { clocks: u8 },
+    /// At once: every register returns to its reset value, mode CONFIG, without the time of a boot.
+    /// There is nothing to clear.
     ConfigReset = "config-reset",
+    /// At once: the supply dips, and the chip boots again. There is nothing to clear.
     PowerDip = "power-dip",
+    /// Every byte reads 0xFF though the chip acknowledges.
     AllOnes = "all-ones",
+    /// The data registers read zero in a mode that is kept; SYS_STATUS and SYS_ERR read 1, as with
+    /// a grounded BL_IND pin.
     AllZero = "all-zero",
-    CorruptWords = "corrupt-words" { probability },
-    BitFlips = "bit-flips" { probability },
-    BusErrors = "bus-errors" { probability },
-    ArbitrationLosses = "arbitration-losses" { probability },
+    /// Some words of the data registers read 0xFFFF.
+    CorruptWords = "corrupt-words" { probability: f64 },
+    /// A single bit of some bytes read is inverted.
+    BitFlips = "bit-flips" { probability: f64 },
+    /// A START or STOP lies inside some bytes: the master sees a bus error.
+    BusErrors = "bus-errors" { probability: f64 },
+    /// Another master pulls the data line low while some bytes are sent.
+    ArbitrationLosses = "arbitration-losses" { probability: f64 },
+    /// The data registers are no longer refreshed.
     Frozen = "frozen",
-    LongStretch = "long-stretch" { stretch, probability },
-    Spikes = "spikes" { probability },
+    /// Long clock stretching on some bytes.
+    LongStretch = "long-stretch" { stretch: Ticks, probability: f64 },
+    /// The most significant bit of some data words is inverted.
+    Spikes = "spikes" { probability: f64 },
+    /// The gyroscope and its id read zero, and its self-test fails.
     GyroDead = "gyro-dead",
+    /// At once: the axis map returns to its reset value, and SYS_ERR reads 2. There is nothing to
+    /// clear.
     RevertedAxisMap = "reverted-axis-map",
+    /// At once: the axis map swaps X and Y, a valid map that nobody wrote. There is nothing to
+    /// clear.
     SwappedAxes = "swapped-axes",
+    /// At once: UNIT_SEL returns to its reset value. There is nothing to clear.
     RevertedUnits = "reverted-units",
+    /// The data that users saw around crashes: acceleration 19.62, 5.68, 0 m/s^2; field 0, 320,
+    /// 240.19 uT; rate zero.
     FixedPattern = "fixed-pattern",
-    Naks = "naks" { probability },
-    TornWords = "torn-words" { probability },
+    /// The acknowledge of some addresses and bytes written is lost.
+    Naks = "naks" { probability: f64 },
+    /// The high byte of some data words is that of the refresh before: the shadowing fails.
+    TornWords = "torn-words" { probability: f64 },
+    /// The chip was interrupted inside a byte and holds the data line; the first clock pulse hangs
+    /// it: the line is free then, and nothing acknowledges. Clearing cuts the power of a chip that
+    /// hangs, and it boots.
     ClockHang = "clock-hang",
 }
 
@@ -105,26 +138,6 @@ struct Drawn {
     probability: f64,
     stretch: Ticks,
     clocks: u8,
-}
-
-impl fmt::Display for FaultKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for FaultKind {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        Self::ALL
-            .into_iter()
-            .find(|kind| kind.name() == text)
-            .ok_or_else(|| {
-                let names = Self::ALL.map(Self::name).join(", ");
-                format!("there is no fault {text}; there are {names}")
-            })
-    }
 }
 
 #[cfg(test)]

@@ -70,8 +70,8 @@ mod tests;
 
 pub use bus::{BusTiming, RareStretch};
 pub use config::{Config, Magnetometer, MagnetometerHealth, RefreshRates};
-pub use fault::{Fault, Faults};
-pub use fault_kind::FaultKind;
+pub use fault::Faults;
+pub use fault_kind::{Fault, FaultKind};
 pub use imperfections::{ImuErrors, WarmUp};
 pub use registers::Mode;
 pub(crate) use sample::STANDARD_GRAVITY_M_S2;

@@ -11,6 +11,7 @@ use std::f64::consts::{PI, TAU};
 use tvc_pid::Gains;
 
 use crate::bench::{Kick, RocketConfig, SHAFT_PER_GIMBAL};
+use crate::named_enum::named_enum;
 use crate::random::{Stream, generator};
 
 /// A degree, rad.
@@ -33,27 +34,16 @@ pub const GUST_LAYER_M: [f64; 2] = [7_000.0, 1_500.0];
 /// Turbulence, m/s rms in each direction, and its length, m.
 pub const TURBULENCE: [f64; 2] = [1.5, 300.0];
 
-/// Whether the air turns the rocket back to its path or away from it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Airframe {
+named_enum! {
+    /// Whether the air turns the rocket back to its path or away from it.
+    Airframe, "airframe";
     /// The centre of pressure is 1.5 diameters behind the centre of mass.
-    Stable,
+    Stable = "stable",
     /// It is 0.75 diameters before it.
-    Unstable,
+    Unstable = "unstable",
 }
 
 impl Airframe {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::Stable, Self::Unstable];
-
-    /// Its name in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Stable => "stable",
-            Self::Unstable => "unstable",
-        }
-    }
-
     /// Its figures.
     pub fn parameters(self) -> RocketParameters {
         match self {

@@ -183,6 +183,31 @@ impl Core {
                 }
             }};
         }
+        // Words of the SRAM; an instruction that needs others is left out.
+        macro_rules! words {
+            ($base:expr, $count:expr) => {
+                match block(ram, $base, $count) {
+                    Some(words) => words,
+                    None => break true,
+                }
+            };
+        }
+        macro_rules! load_words {
+            ($words:expr, $list:expr) => {
+                for (register, slot) in bits($list as u16).zip($words.chunks_exact(4)) {
+                    reg!(register as u8) = word(slot);
+                }
+            };
+        }
+        // Shifts by a register; those by 0 leave C alone.
+        macro_rules! shift {
+            ($shift:ident, $i:expr) => {
+                match reg!($i.b) & 0xFF {
+                    0 => _ = flags.nz(reg!($i.a)),
+                    by => reg!($i.a) = flags.$shift(reg!($i.a), by),
+                }
+            };
+        }
         let leaves_out = loop {
             if clock < 1 << 32 {
                 break false;
@@ -289,9 +314,7 @@ impl Core {
                 }
                 if i.operation <= Push {
                     let base = r[SP].wrapping_sub(4 * u32::from(i.c));
-                    let Some(words) = block(ram, base, i.c) else {
-                        break true;
-                    };
+                    let words = words!(base, i.c);
                     for (bit, slot) in bits(i.imm as u16).zip(words.chunks_exact_mut(4)) {
                         let register = if bit == 8 { LR } else { bit };
                         slot.copy_from_slice(&reg!(register as u8).to_le_bytes());
@@ -302,27 +325,19 @@ impl Core {
                 }
                 if i.operation <= PopPc {
                     let base = r[SP];
-                    let Some(words) = block(ram, base, i.c + 1) else {
-                        break true;
-                    };
+                    let words = words!(base, i.c + 1);
                     let (rest, target) = words.split_at(4 * usize::from(i.c));
                     let target = word(target);
                     if !is_plain(target) {
                         break true;
                     }
-                    for (register, slot) in bits(i.imm as u16).zip(rest.chunks_exact(4)) {
-                        reg!(register as u8) = word(slot);
-                    }
+                    load_words!(rest, i.imm);
                     set_sp!(base.wrapping_add(4 * u32::from(i.c) + 4));
                     jump!(target & !1, (4 + i64::from(i.c)));
                 }
                 let base = r[SP];
-                let Some(words) = block(ram, base, i.c) else {
-                    break true;
-                };
-                for (register, slot) in bits(i.imm as u16).zip(words.chunks_exact(4)) {
-                    reg!(register as u8) = word(slot);
-                }
+                let words = words!(base, i.c);
+                load_words!(words, i.imm);
                 set_sp!(base.wrapping_add(4 * u32::from(i.c)));
                 clock -= i64::from(i.c) << 32;
                 next!(1);
@@ -352,22 +367,10 @@ impl Core {
                 Barrier => {
                     wide!();
                 }
-                LslRegister => match reg!(i.b) & 0xFF {
-                    0 => _ = flags.nz(reg!(i.a)),
-                    by => reg!(i.a) = flags.lsl(reg!(i.a), by),
-                },
-                LsrRegister => match reg!(i.b) & 0xFF {
-                    0 => _ = flags.nz(reg!(i.a)),
-                    by => reg!(i.a) = flags.lsr(reg!(i.a), by),
-                },
-                AsrRegister => match reg!(i.b) & 0xFF {
-                    0 => _ = flags.nz(reg!(i.a)),
-                    by => reg!(i.a) = flags.asr(reg!(i.a), by),
-                },
-                RorRegister => match reg!(i.b) & 0xFF {
-                    0 => _ = flags.nz(reg!(i.a)),
-                    by => reg!(i.a) = flags.ror(reg!(i.a), by),
-                },
+                LslRegister => shift!(lsl, i),
+                LsrRegister => shift!(lsr, i),
+                AsrRegister => shift!(asr, i),
+                RorRegister => shift!(ror, i),
                 Mul => reg!(i.a) = flags.nz(reg!(i.a).wrapping_mul(reg!(i.b))),
                 Sxth => reg!(i.a) = reg!(i.b) as i16 as u32,
                 Sxtb => reg!(i.a) = reg!(i.b) as i8 as u32,
@@ -386,9 +389,7 @@ impl Core {
                 }
                 Stm => {
                     let base = reg!(i.a);
-                    let Some(words) = block(ram, base, i.c) else {
-                        break true;
-                    };
+                    let words = words!(base, i.c);
                     for (register, slot) in bits(i.imm as u16).zip(words.chunks_exact_mut(4)) {
                         slot.copy_from_slice(&reg!(register as u8).to_le_bytes());
                     }
@@ -397,14 +398,10 @@ impl Core {
                 }
                 Ldm => {
                     let base = reg!(i.a);
-                    let Some(words) = block(ram, base, i.c) else {
-                        break true;
-                    };
+                    let words = words!(base, i.c);
                     // A base in the list gets the loaded word, any other the address behind.
                     reg!(i.a) = base.wrapping_add(4 * u32::from(i.c));
-                    for (register, slot) in bits(i.imm as u16).zip(words.chunks_exact(4)) {
-                        reg!(register as u8) = word(slot);
-                    }
+                    load_words!(words, i.imm);
                     clock -= i64::from(i.c) << 32;
                 }
                 Bx => {

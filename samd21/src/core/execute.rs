@@ -51,10 +51,10 @@ impl Core {
                 self.r[rt] = self.load::<2>(bus, address)? as i16 as u32;
                 Ok(Self::access_cycles(address))
             }
-            Operation::Push => self.push(bus, op),
-            Operation::Pop | Operation::PopPc => self.pop(bus, op, pc),
-            Operation::Stm => self.store_multiple(bus, op),
-            Operation::Ldm => self.load_multiple(bus, op),
+            Operation::Push | Operation::Stm => self.store_block(bus, instruction),
+            Operation::Pop | Operation::PopPc | Operation::Ldm => {
+                self.load_block(bus, instruction, pc)
+            }
             Operation::Bx => Ok(2 + self.branch_exchange(bus, base, pc)?),
             Operation::Blx => self.call(base, pc),
             _ => self.other(bus, op, pc),

@@ -52,10 +52,10 @@ impl Entry {
         }
     }
 
-    const fn clock(self, id: usize) -> Self {
+    const fn wired(self, line: u32, clock: usize) -> Self {
         Self {
-            clock: Some(id),
-            ..self
+            clock: Some(clock),
+            ..self.irq(line)
         }
     }
 
@@ -68,11 +68,7 @@ impl Entry {
 const fn at(base: u32, bridge: Bridge, index: u32, name: &'static str, block: Block) -> Entry {
     Entry {
         base,
-        size: if matches!(block, Block::Dsu) {
-            0x2000
-        } else {
-            0x400
-        },
+        size: 0x400 << (3 * matches!(block, Block::Dsu) as u32),
         bridge,
         index,
         name,
@@ -92,45 +88,33 @@ pub(super) static ENTRIES: [Entry; 36] = [
     at(0x4000_0000, A, 0, "PAC0", Pac(0)),
     at(0x4000_0400, A, 1, "PM", Pm).irq(0),
     // The clock is the DFLL's reference.
-    at(0x4000_0800, A, 2, "SYSCTRL", Sysctrl).irq(1).clock(0x00),
+    at(0x4000_0800, A, 2, "SYSCTRL", Sysctrl).wired(1, 0x00),
     at(0x4000_0C00, A, 3, "GCLK", Gclk),
-    at(0x4000_1000, A, 4, "WDT", Wdt).irq(2).clock(0x03),
+    at(0x4000_1000, A, 4, "WDT", Wdt).wired(2, 0x03),
     at(0x4000_1400, A, 5, "RTC", Unmodelled),
-    at(0x4000_1800, A, 6, "EIC", Eic).irq(4).clock(0x05),
+    at(0x4000_1800, A, 6, "EIC", Eic).wired(4, 0x05),
     at(0x4100_0000, B, 0, "PAC1", Pac(1)),
     at(0x4100_2000, B, 1, "DSU", Dsu),
     at(0x4100_4000, B, 2, "NVMCTRL", Nvmctrl).irq(5),
     at(0x4100_4400, B, 3, "PORT", Port),
     at(0x4100_4800, B, 4, "DMAC", Unmodelled),
-    at(0x4100_5000, B, 5, "USB", Usb).irq(7).clock(0x06),
+    at(0x4100_5000, B, 5, "USB", Usb).wired(7, 0x06),
     at(0x4100_6000, B, 6, "MTB", Unmodelled),
     at(0x4100_7000, B, 6, "HMATRIX", Unmodelled),
     at(0x4200_0000, C, 0, "PAC2", Pac(2)),
     at(0x4200_0400, C, 1, "EVSYS", Unmodelled),
-    at(0x4200_0800, C, 2, "SERCOM0", Sercom(0))
-        .irq(9)
-        .clock(0x14),
-    at(0x4200_0C00, C, 3, "SERCOM1", Sercom(1))
-        .irq(10)
-        .clock(0x15),
-    at(0x4200_1000, C, 4, "SERCOM2", Sercom(2))
-        .irq(11)
-        .clock(0x16),
-    at(0x4200_1400, C, 5, "SERCOM3", Sercom(3))
-        .irq(12)
-        .clock(0x17),
-    at(0x4200_1800, C, 6, "SERCOM4", Sercom(4))
-        .irq(13)
-        .clock(0x18),
-    at(0x4200_1C00, C, 7, "SERCOM5", Sercom(5))
-        .irq(14)
-        .clock(0x19),
-    at(0x4200_2000, C, 8, "TCC0", Tcc(0)).irq(15).clock(0x1A),
-    at(0x4200_2400, C, 9, "TCC1", Tcc(1)).irq(16).clock(0x1A),
-    at(0x4200_2800, C, 10, "TCC2", Tcc(2)).irq(17).clock(0x1B),
-    at(0x4200_2C00, C, 11, "TC3", Tc(0)).irq(18).clock(0x1B),
-    at(0x4200_3000, C, 12, "TC4", Tc(1)).irq(19).clock(0x1C),
-    at(0x4200_3400, C, 13, "TC5", Tc(2)).irq(20).clock(0x1C),
+    at(0x4200_0800, C, 2, "SERCOM0", Sercom(0)).wired(9, 0x14),
+    at(0x4200_0C00, C, 3, "SERCOM1", Sercom(1)).wired(10, 0x15),
+    at(0x4200_1000, C, 4, "SERCOM2", Sercom(2)).wired(11, 0x16),
+    at(0x4200_1400, C, 5, "SERCOM3", Sercom(3)).wired(12, 0x17),
+    at(0x4200_1800, C, 6, "SERCOM4", Sercom(4)).wired(13, 0x18),
+    at(0x4200_1C00, C, 7, "SERCOM5", Sercom(5)).wired(14, 0x19),
+    at(0x4200_2000, C, 8, "TCC0", Tcc(0)).wired(15, 0x1A),
+    at(0x4200_2400, C, 9, "TCC1", Tcc(1)).wired(16, 0x1A),
+    at(0x4200_2800, C, 10, "TCC2", Tcc(2)).wired(17, 0x1B),
+    at(0x4200_2C00, C, 11, "TC3", Tc(0)).wired(18, 0x1B),
+    at(0x4200_3000, C, 12, "TC4", Tc(1)).wired(19, 0x1C),
+    at(0x4200_3400, C, 13, "TC5", Tc(2)).wired(20, 0x1C),
     at(0x4200_3800, C, 14, "TC6", Unmodelled),
     at(0x4200_3C00, C, 15, "TC7", Unmodelled),
     at(0x4200_4000, C, 16, "ADC", Unmodelled),

@@ -201,11 +201,7 @@ impl Peripherals {
         memory: &mut Memory,
         board: &mut dyn Board,
     ) -> Result<Ticks, BusError> {
-        let bus = &mut Bus {
-            now,
-            board,
-            violations: &mut self.violations,
-        };
+        let bus = &mut Bus::new(now, board, &mut self.violations);
         let stall = if !addr.is_multiple_of(width.bytes()) {
             Err(Refusal::Misaligned)
         } else if addr < FLASH_SIZE {
@@ -230,11 +226,7 @@ impl Peripherals {
         if self.pac.protects(entry.bridge, entry.index) {
             return Err(Refusal::Protected);
         }
-        let bus = &mut Bus {
-            now,
-            board,
-            violations: &mut self.violations,
-        };
+        let bus = &mut Bus::new(now, board, &mut self.violations);
         let offset = entry.offset(addr);
         let stall = match entry.block {
             Block::Pac(index) => self.pac.write(index, offset, lanes),
@@ -330,11 +322,7 @@ impl Peripherals {
             self.sysctrl.advance(now);
             self.retime(now);
         }
-        let bus = &mut Bus {
-            now,
-            board,
-            violations: &mut self.violations,
-        };
+        let bus = &mut Bus::new(now, board, &mut self.violations);
         for sercom in &mut self.sercom {
             if sercom.next() <= now {
                 sercom.advance(bus);
@@ -416,16 +404,9 @@ impl Peripherals {
         self.gclk.main().is_none()
     }
 
-    /// See [`Chip::stop_dfll`](crate::Chip::stop_dfll).
-    pub(crate) fn stop_dfll(&mut self, now: Ticks, stopped: bool) {
-        self.sysctrl.stop_dfll(stopped);
-        self.retime(now);
-        self.refresh(now);
-    }
-
-    /// See [`Chip::shift_dfll`](crate::Chip::shift_dfll).
-    pub(crate) fn shift_dfll(&mut self, now: Ticks, ppm: f64) {
-        self.sysctrl.shift_dfll(ppm);
+    /// Changes an oscillator.
+    pub(crate) fn disturb(&mut self, now: Ticks, change: impl FnOnce(&mut sysctrl::Sysctrl)) {
+        change(&mut self.sysctrl);
         self.retime(now);
         self.refresh(now);
     }
@@ -433,9 +414,7 @@ impl Peripherals {
     /// See [`Chip::set_slow_oscillator`](crate::Chip::set_slow_oscillator).
     pub(crate) fn set_slow_oscillator(&mut self, now: Ticks, hz: u32) {
         self.options.osculp32k_hz = hz;
-        self.sysctrl.set_slow_oscillator(hz);
-        self.retime(now);
-        self.refresh(now);
+        self.disturb(now, |sysctrl| sysctrl.set_slow_oscillator(hz));
     }
 
     /// See [`Chip::flip_register`](crate::Chip::flip_register).
@@ -476,11 +455,7 @@ impl Peripherals {
         else {
             return false;
         };
-        let bus = &mut Bus {
-            now,
-            board,
-            violations: &mut self.violations,
-        };
+        let bus = &mut Bus::new(now, board, &mut self.violations);
         let flipped = Lanes::new(word ^ 1 << bit, 0, 4);
         // What is refused has been written all the same.
         let _ = self.port.write(bus, offset, flipped);

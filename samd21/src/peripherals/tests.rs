@@ -1,7 +1,7 @@
 use super::*;
 use crate::SyncHold;
 use crate::board::{I2cEvent, I2cPins, I2cReply, Pin, Unconnected};
-use crate::testing::*;
+use crate::tests::*;
 
 const TCC0: u32 = 0x4200_2000;
 const SERCOM3: u32 = 0x4200_1400;

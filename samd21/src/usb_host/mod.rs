@@ -311,11 +311,6 @@ impl Host {
         self.cable
     }
 
-    /// The serial port found in the descriptors.
-    pub fn serial_port(&self) -> Option<&SerialPort> {
-        self.session.port.as_ref()
-    }
-
     /// Manufacturer, product and serial number.
     pub fn strings(&self) -> &Strings {
         &self.enumeration.strings
@@ -324,11 +319,6 @@ impl Host {
     /// The device descriptor as received.
     pub fn device_descriptor(&self) -> &[u8] {
         &self.enumeration.device_descriptor
-    }
-
-    /// The whole configuration as received.
-    pub fn configuration_descriptor(&self) -> &[u8] {
-        &self.enumeration.configuration
     }
 
     /// What went wrong, oldest first.

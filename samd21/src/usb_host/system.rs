@@ -32,19 +32,6 @@ pub enum System {
 }
 
 impl System {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Bare, Self::Linux, Self::Windows, Self::MacOs];
-
-    /// Its name on a command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Bare => "bare",
-            Self::Linux => "linux",
-            Self::Windows => "windows",
-            Self::MacOs => "macos",
-        }
-    }
-
     /// The first request is for 64 bytes, and a second bus reset follows it.
     pub(super) fn resets_twice(self) -> bool {
         matches!(self, Self::Linux | Self::Windows)

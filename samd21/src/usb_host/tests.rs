@@ -4,7 +4,7 @@ use super::*;
 use crate::SyncHold;
 use crate::board::Unconnected;
 use crate::peripherals::Width;
-use crate::testing::Bench;
+use crate::tests::Bench;
 
 const USB: u32 = 0x4100_5000;
 const DESCRIPTORS: u32 = 0x2000_0000;
@@ -279,7 +279,7 @@ fn the_port_is_enumerated_and_opened() {
         assert_eq!(host.errors(), []);
         assert!(host.is_configured());
         assert_eq!(host.device_descriptor(), DEVICE);
-        assert_eq!(host.configuration_descriptor(), CONFIGURATION);
+        assert_eq!(host.enumeration.configuration, CONFIGURATION);
         assert_eq!(host.strings().manufacturer, "Maker");
         assert_eq!(host.strings().product, "Thing");
         assert_eq!(host.strings().serial_number, "0001");

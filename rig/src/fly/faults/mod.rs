@@ -56,7 +56,6 @@
 
 mod frames;
 mod judge;
-mod named_enum;
 mod outcome;
 mod phase;
 mod plan;

@@ -8,10 +8,10 @@ use samd21::board::Ticks;
 use tvc_nano::store::{self, Loaded};
 use tvc_nano::{Axis, Params};
 
-use super::named_enum::named_enum;
 use super::system;
 use crate::bno055::Fault;
 use crate::fly::flight::{ARM_PATIENCE, FlightError, Ready, Stage};
+use crate::named_enum::named_enum;
 use crate::observe::ground_truth::{Motion, Pulse};
 use crate::rig::Rig;
 

@@ -2,9 +2,9 @@
 
 use std::ops::RangeInclusive;
 
-use super::named_enum::named_enum;
 use super::{GLITCHES, Kind, Phase, SoundKind, SystemKind};
 use crate::bno055::FaultKind;
+use crate::named_enum::named_enum;
 
 named_enum! {
     /// What a campaign tries.

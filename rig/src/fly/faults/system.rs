@@ -13,8 +13,8 @@ use tvc_nano::store;
 
 use super::frames::{frame, valid_frame};
 use super::judge::Blame;
-use super::named_enum::named_enum;
 use crate::fly::flight::{FlightError, Ready};
+use crate::named_enum::named_enum;
 use crate::rig::{ProgramEnd, Rig};
 
 named_enum! {

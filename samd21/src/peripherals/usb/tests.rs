@@ -108,7 +108,7 @@ fn out_gathers_packets_up_to_the_multi_packet_size() {
     );
     assert_eq!(status(&usb, 2) & 0x40, 0x40);
     assert_eq!(memory.read_u32(pcksize).unwrap() & 0x3FFF, 128);
-    assert_eq!(memory.read_u8(0x2000_1800 + 64), Some(2));
+    assert_eq!(memory.bytes(0x2000_1800 + 64, 1), Some(&[2][..]));
 }
 
 #[test]

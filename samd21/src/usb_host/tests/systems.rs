@@ -7,7 +7,7 @@ const SET_LINES: (u8, u8) = (0x21, 0x22);
 
 #[test]
 fn every_system_configures_a_device_that_refuses_what_it_need_not_have() {
-    for system in System::ALL {
+    for system in [System::Bare, System::Linux, System::Windows, System::MacOs] {
         let mut device = Device::on(system);
         device.run(Ticks::from_ms(300));
         assert!(device.host().is_configured(), "{system:?}");

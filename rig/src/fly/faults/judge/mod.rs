@@ -8,7 +8,7 @@
 mod sensor;
 mod system;
 #[cfg(test)]
-pub(super) mod testing;
+pub(super) mod tests;
 
 pub(crate) use sensor::{SensorRun, judge_sensor};
 pub(crate) use system::{Blame, SystemRun, judge_system};

@@ -146,7 +146,7 @@ impl SensorRun<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::neutral_us;
-    use super::super::testing::{ACTIVE, FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
+    use super::super::tests::{ACTIVE, FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
     use super::*;
     use crate::bno055::Refresh;
     use crate::observe::ground_truth::{Burst, Step};

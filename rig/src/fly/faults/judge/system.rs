@@ -303,7 +303,7 @@ fn restoring(rudder: &Rudder<'_>, reference: &[Pulse]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::super::neutral_us;
-    use super::super::testing::{ACTIVE, FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
+    use super::super::tests::{ACTIVE, FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
     use super::*;
     use crate::observe::ground_truth::High;
     use tvc_nano::Params;

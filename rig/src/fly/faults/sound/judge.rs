@@ -299,7 +299,7 @@ impl Seen<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::judge::testing::{FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
+    use super::super::super::judge::tests::{FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
     use super::*;
     use crate::bno055::Refresh;
 

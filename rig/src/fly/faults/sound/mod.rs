@@ -30,13 +30,13 @@ use tvc_nano::Params;
 use tvc_nano::params::{Change, Range};
 use tvc_nano::store::Loaded;
 
-use super::named_enum::named_enum;
 use super::phase::{is_same, stored};
 use super::{Case, Ending, Kind, Outcome, Phase, Watched, neutral_us, reported_parameters};
 use crate::bno055::Fault;
 use crate::fly::flight::{FlightError, Ready, Setup, Stage, prepare};
 use crate::ground_station::GroundStationError;
 use crate::image::Image;
+use crate::named_enum::named_enum;
 use crate::random::{Stream, generator};
 use crate::rig::RigError;
 use acts::Acts;
