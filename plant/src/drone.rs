@@ -211,11 +211,6 @@ impl Drone {
         self.held
     }
 
-    /// Whether the drone lies against a stop of the tether.
-    pub fn at_stop(&self) -> bool {
-        self.pitch_rad.abs() >= self.stop_rad
-    }
-
     /// The mechanism, for its linkage and parameters.
     pub fn mechanism(&self) -> &Mechanism {
         &self.mechanism
@@ -275,7 +270,7 @@ mod tests {
         for _ in 0..200 {
             drone.step(DT_S, crank);
             assert!(drone.pitch_rad() <= TETHER_STOP_RAD);
-            caught |= drone.at_stop();
+            caught |= drone.pitch_rad.abs() >= drone.stop_rad;
         }
         assert!(caught);
         assert!(drone.rate_rad_s().abs() < 0.01);

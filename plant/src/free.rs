@@ -158,6 +158,7 @@ mod tests {
             .sample(
                 |_, x| mechanism.derivative(x, 0.0),
                 &times,
+                [],
                 tumbling().to_array(),
             )
             .unwrap();
@@ -182,6 +183,7 @@ mod tests {
             .sample(
                 |t, x| mechanism.derivative(x, 0.02 * (5.0 * t).sin()),
                 &[0.0, 1.0, 5.0],
+                [],
                 tumbling().to_array(),
             )
             .unwrap();

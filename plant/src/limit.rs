@@ -223,15 +223,16 @@ mod tests {
             .ok_or(LimitError::OutOfReach)
     }
 
-    /// Time to rest with an infinitely fast rudder that gives these accelerations (rad/s2, sizes) while
-    /// pushing back and while braking, in s.
+    /// Time to rest with an infinitely fast rudder that gives these accelerations (rad/s2, sizes)
+    /// while pushing back and while braking, in s.
     fn instant_rudder_s(push: f64, brake: f64, pitch_rad: f64, rate_rad_s: f64) -> f64 {
         let (pitch, rate) = (pitch_rad.abs(), rate_rad_s * pitch_rad.signum());
         let peak = ((pitch + rate * rate / (2.0 * push)) / (0.5 / push + 0.5 / brake)).sqrt();
         (rate + peak) / push + peak / brake
     }
 
-    /// Pitch accelerations (sizes, in rad/s2) with the crank held at `+limit` and `-limit`, upright.
+    /// Pitch accelerations (sizes, in rad/s2) with the crank held at `+limit` and `-limit`,
+    /// upright.
     fn authority(parameters: &Parameters, limit_rad: f64) -> Result<(f64, f64), ParameterError> {
         let mut drone = Drone::new(parameters, 0.0, 0.0)?;
         let mut at = |crank: f64| {

@@ -143,15 +143,6 @@ impl TwoAxisDrone {
         }
     }
 
-    /// Places the cranks without moving the drone, as when the servos are fitted at the start.
-    pub fn place_cranks(&mut self, angles_rad: [f64; 2]) {
-        let rates = self.rates_rad_s();
-        self.cranks = angles_rad.map(Crank::at_rest);
-        self.crank_acc_rad_s2 = [0.0; 2];
-        self.shape = self.shape_at(angles_rad);
-        self.set_rates(rates);
-    }
-
     /// Advances by `dt_s` (greater than zero), at whose end the cranks stand at `end`, which they
     /// reach evenly. Fourth-order Runge-Kutta; a tether stop is inelastic.
     pub fn step(&mut self, dt_s: f64, end: [Crank; 2]) {
@@ -251,35 +242,9 @@ impl TwoAxisDrone {
         self.held
     }
 
-    /// Whether the drone lies against a stop of the tether.
-    pub fn at_stop(&self) -> bool {
-        let [pitch, roll] = self.tilt_rad();
-        pitch.hypot(roll) >= self.stop_rad
-    }
-
     /// The mechanism of either axis, for its linkage and parameters.
     pub fn mechanism(&self) -> &Mechanism {
         &self.mechanism
-    }
-
-    /// Angular momentum about the pivot in the earth's axes, without that of the rotors, kg m2/s.
-    pub fn momentum_kg_m2_s(&self) -> [f64; 3] {
-        // Of a spin that is held, the rate counts: the drive's moment is not added up.
-        let rates = Vector3::from(self.rates_rad_s());
-        let momentum = self.shape.inertia * rates + self.shape.relative(self.speeds());
-        (self.attitude * momentum).into()
-    }
-
-    /// Kinetic and potential energy with the cranks at rest, in J; the potential is zero with the
-    /// centre of mass at the pivot's height.
-    pub fn energy_j(&self) -> (f64, f64) {
-        let rates = Vector3::from(self.rates_rad_s());
-        let down = self.attitude.inverse() * Vector3::z();
-        let gravity = self.parameters.one_axis.gravity_m_s2;
-        (
-            0.5 * rates.dot(&(self.shape.inertia * rates)),
-            -gravity * self.shape.first_moment.dot(&down),
-        )
     }
 
     fn shape_at(&self, cranks_rad: [f64; 2]) -> Shape {

@@ -41,6 +41,9 @@ pub enum GroundStationError {
     },
 }
 
+/// What the image answers, or why there is no answer.
+pub type Answer<T = ()> = Result<T, GroundStationError>;
+
 /// A ground station with everything that it has received.
 #[derive(Clone, Debug, Default)]
 pub struct GroundStation {
@@ -118,7 +121,7 @@ impl GroundStation {
         patience: Ticks,
         what: &str,
         mut done: impl FnMut(&Received) -> bool,
-    ) -> Result<(), GroundStationError> {
+    ) -> Answer {
         let end = rig.now() + patience;
         while !done(&self.received) {
             if rig.now() >= end {
@@ -137,7 +140,7 @@ impl GroundStation {
     ///
     /// # Errors
     /// Silence, or the rig stopped.
-    pub fn connect(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
+    pub fn connect(&mut self, rig: &mut Rig) -> Answer {
         let before = self.received.heartbeats.len();
         self.wait(rig, BOOT_PATIENCE, "heartbeat", |received| {
             received.heartbeats.len() > before
@@ -148,12 +151,7 @@ impl GroundStation {
     ///
     /// # Errors
     /// Silence, or the rig stopped.
-    pub fn wait_for_state(
-        &mut self,
-        rig: &mut Rig,
-        patience: Ticks,
-        state: StateKind,
-    ) -> Result<(), GroundStationError> {
+    pub fn wait_for_state(&mut self, rig: &mut Rig, patience: Ticks, state: StateKind) -> Answer {
         self.wait(rig, patience, &format!("state {state:?}"), |received| {
             let mut heartbeats = received.heartbeats.iter();
             heartbeats
@@ -166,12 +164,7 @@ impl GroundStation {
     ///
     /// # Errors
     /// Silence, another value, or the rig stopped.
-    pub fn set_parameter(
-        &mut self,
-        rig: &mut Rig,
-        name: &str,
-        value: f32,
-    ) -> Result<(), GroundStationError> {
+    pub fn set_parameter(&mut self, rig: &mut Rig, name: &str, value: f32) -> Answer {
         let name = name.to_owned();
         self.request(rig, Request::Set(Parameter { name, value }))
     }
@@ -180,7 +173,7 @@ impl GroundStation {
     ///
     /// # Errors
     /// Silence, or the rig stopped.
-    pub fn list_parameters(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
+    pub fn list_parameters(&mut self, rig: &mut Rig) -> Answer {
         self.received.parameters.clear();
         self.request(rig, Request::List)
     }
@@ -189,7 +182,7 @@ impl GroundStation {
     ///
     /// # Errors
     /// Refusal with the image's reason, silence, or the rig stopped.
-    pub fn arm(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
+    pub fn arm(&mut self, rig: &mut Rig) -> Answer {
         self.order(rig, request::ARM)
     }
 
@@ -197,7 +190,7 @@ impl GroundStation {
     ///
     /// # Errors
     /// As [`GroundStation::arm`].
-    pub fn disarm(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
+    pub fn disarm(&mut self, rig: &mut Rig) -> Answer {
         self.order(rig, request::DISARM)
     }
 
@@ -206,7 +199,7 @@ impl GroundStation {
     ///
     /// # Errors
     /// As [`GroundStation::arm`]; the clamp stays closed then.
-    pub fn release(&mut self, rig: &mut Rig, rate_rad_s: f64) -> Result<(), GroundStationError> {
+    pub fn release(&mut self, rig: &mut Rig, rate_rad_s: f64) -> Answer {
         self.order(rig, request::RELEASE)?;
         rig.release(rate_rad_s);
         Ok(())
@@ -222,7 +215,7 @@ impl GroundStation {
     ///
     /// # Errors
     /// Silence, or the rig stopped.
-    pub fn fetch_recording(&mut self, rig: &mut Rig) -> Result<Vec<u8>, GroundStationError> {
+    pub fn fetch_recording(&mut self, rig: &mut Rig) -> Answer<Vec<u8>> {
         self.request(rig, Request::Download)?;
         Ok(self.client.recording().to_vec())
     }
@@ -231,11 +224,11 @@ impl GroundStation {
     ///
     /// # Errors
     /// As [`GroundStation::arm`].
-    pub fn order(&mut self, rig: &mut Rig, order: Order) -> Result<(), GroundStationError> {
+    pub fn order(&mut self, rig: &mut Rig, order: Order) -> Answer {
         self.request(rig, Request::Order(order))
     }
 
-    fn request(&mut self, rig: &mut Rig, request: Request) -> Result<(), GroundStationError> {
+    fn request(&mut self, rig: &mut Rig, request: Request) -> Answer {
         let ticket = self.client.request(duration(rig.now()), request);
         self.flush(rig);
         let end = rig.now() + Ticks::from_us(ANSWER.as_micros() as u64);

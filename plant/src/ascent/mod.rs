@@ -198,16 +198,6 @@ impl Ascent {
         self.time_s = self.time_s.map(|now| now + dt_s);
     }
 
-    /// Position of the centre of mass from where it is on the pad, north-east-down, in m.
-    pub fn position_m(&self) -> [f64; 3] {
-        self.state.position.into()
-    }
-
-    /// Velocity of the centre of mass, north-east-down, in m/s.
-    pub fn velocity_m_s(&self) -> [f64; 3] {
-        self.state.velocity.into()
-    }
-
     /// Altitude over the pad, in m.
     pub fn altitude_m(&self) -> f64 {
         -self.state.position.z

@@ -10,6 +10,18 @@ use crate::rocket::Rocket;
 
 const STEP_S: f64 = 1e-3;
 
+impl Ascent {
+    /// Position of the centre of mass from where it is on the pad, north-east-down, in m.
+    fn position_m(&self) -> [f64; 3] {
+        self.state.position.into()
+    }
+
+    /// Velocity of the centre of mass, north-east-down, in m/s.
+    fn velocity_m_s(&self) -> [f64; 3] {
+        self.state.velocity.into()
+    }
+}
+
 fn spica() -> Ascent {
     Ascent::new(&AscentParameters::SPICA, UnitQuaternion::identity()).unwrap()
 }

@@ -15,14 +15,6 @@ use super::{Between, Input, PulseServo, Row, Scenario, ScenarioError, Signal};
 /// crank is at the end of its way: the forces in rigid bars would grow without bound.
 const LEAST_TRANSMISSION: f64 = 0.02;
 
-/// Precision of a motion: as tight as f64 allows, because a crank that is driven by its link's
-/// weight alone reaches 100 rad/s.
-const TIGHT: Adaptive = Adaptive {
-    relative: 1e-13,
-    absolute: 1e-14,
-    max_step_s: 0.02,
-};
-
 /// Precision of a motion with a stop, whose damping sets in with a jump: the error of a step across
 /// the jump falls only in proportion to the step, so that the tolerance must leave it some length.
 const AT_A_STOP: Adaptive = Adaptive {
@@ -173,10 +165,10 @@ impl Scenario {
         let times = self.times();
         let knots = knots.iter().copied().chain(loaded.knots());
         let precision = match self.options.crank_stop {
-            None => TIGHT,
+            None => Adaptive::default(),
             Some(_) => AT_A_STOP,
         };
-        let states = sample_with_knots(precision, slope, &times, knots, start.to_array());
+        let states = precision.sample(slope, &times, knots, start.to_array());
         match (states, open.get()) {
             (Ok(states), _) => rows(&loaded.mechanism, &times, states),
             (Err(_), Some((crank_rad, time_s))) => Err(ScenarioError::Open { crank_rad, time_s }),
@@ -233,7 +225,7 @@ impl Scenario {
             [w0, mechanism.pitch_load(&at, x[0], w0) + moment]
         };
         let knots = crank.knots().chain(loaded.knots());
-        let states = sample_with_knots(TIGHT, slope, &times, knots, start)?;
+        let states = Adaptive::default().sample(slope, &times, knots, start)?;
         let states = states
             .into_iter()
             .zip(&times)
@@ -300,40 +292,6 @@ fn load(signal: &Signal) -> Curve {
 /// An angle over time: smooth between points.
 fn angle(signal: &Signal) -> Curve {
     signal.curve(Between::Smooth)
-}
-
-/// Integrates to every time of `times`, ending a step on each knot in between, so that no step
-/// straddles a kink or a jump of the input.
-fn sample_with_knots<const N: usize>(
-    adaptive: Adaptive,
-    slope: impl Fn(f64, &[f64; N]) -> [f64; N],
-    times: &[f64],
-    knots: impl Iterator<Item = f64>,
-    start: [f64; N],
-) -> Result<Vec<[f64; N]>, IntegrationError> {
-    let mut step = 1e-4;
-    let mut state = start;
-    let mut now = times[0];
-    let mut knots: Vec<f64> = knots.filter(|time| *time > now).collect();
-    knots.sort_by(f64::total_cmp);
-    let mut knots = knots.into_iter().peekable();
-    let mut states = Vec::with_capacity(times.len());
-    let mut advance = |from: f64, to: f64, state| {
-        // The input's value from the end on does not belong to this piece.
-        let before = to.next_down().max(from);
-        let mut slope = |time: f64, x: &[f64; N]| slope(time.min(before), x);
-        adaptive.advance(&mut slope, from, to, state, &mut step)
-    };
-    for &time in times {
-        while let Some(knot) = knots.next_if(|knot| *knot < time) {
-            state = advance(now, knot, state)?;
-            now = knot;
-        }
-        state = advance(now, time, state)?;
-        now = time;
-        states.push(state);
-    }
-    Ok(states)
 }
 
 /// Rows of `[th0, th1, w0, v1]`, link and rudder added.

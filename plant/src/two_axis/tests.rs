@@ -11,6 +11,43 @@ use crate::drone::Drone;
 
 const STEP_S: f64 = 5e-4;
 
+impl TwoAxisDrone {
+    /// Places the cranks without moving the drone, as when the servos are fitted at the start.
+    fn place_cranks(&mut self, angles_rad: [f64; 2]) {
+        let rates = self.rates_rad_s();
+        self.cranks = angles_rad.map(Crank::at_rest);
+        self.crank_acc_rad_s2 = [0.0; 2];
+        self.shape = self.shape_at(angles_rad);
+        self.set_rates(rates);
+    }
+
+    /// Whether the drone lies against a stop of the tether.
+    fn at_stop(&self) -> bool {
+        let [pitch, roll] = self.tilt_rad();
+        pitch.hypot(roll) >= self.stop_rad
+    }
+
+    /// Angular momentum about the pivot in the earth's axes, without that of the rotors, kg m2/s.
+    fn momentum_kg_m2_s(&self) -> [f64; 3] {
+        // Of a spin that is held, the rate counts: the drive's moment is not added up.
+        let rates = Vector3::from(self.rates_rad_s());
+        let momentum = self.shape.inertia * rates + self.shape.relative(self.speeds());
+        (self.attitude * momentum).into()
+    }
+
+    /// Kinetic and potential energy with the cranks at rest, in J; the potential is zero with the
+    /// centre of mass at the pivot's height.
+    fn energy_j(&self) -> (f64, f64) {
+        let rates = Vector3::from(self.rates_rad_s());
+        let down = self.attitude.inverse() * Vector3::z();
+        let gravity = self.parameters.one_axis.gravity_m_s2;
+        (
+            0.5 * rates.dot(&(self.shape.inertia * rates)),
+            -gravity * self.shape.first_moment.dot(&down),
+        )
+    }
+}
+
 /// A drone whose centre of mass is above or below its pivot, not beside it, at zero rudder: then
 /// neither axis disturbs the other.
 fn balanced() -> Parameters {

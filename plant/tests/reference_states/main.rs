@@ -105,7 +105,12 @@ fn gravity_only_is_a_pendulum() {
     assert_eq!(rows.len(), 101);
     let start = [0.2, mechanism.linkage().zero_rudder_crank_rad(), 0.0, 0.0];
     let states = Adaptive::default()
-        .sample(|_, x| mechanism.derivative(x, 0.0), &times(&rows), start)
+        .sample(
+            |_, x| mechanism.derivative(x, 0.0),
+            &times(&rows),
+            [],
+            start,
+        )
         .unwrap();
     for (row, state) in rows.iter().zip(states) {
         let at = mechanism.linkage().at(state[1]);
@@ -145,7 +150,7 @@ fn pd_with_an_ideal_servo() {
         ]
     };
     let states = Adaptive::default()
-        .sample(derivative, &times(&rows), [0.2, zero, 0.2, 0.0])
+        .sample(derivative, &times(&rows), [], [0.2, zero, 0.2, 0.0])
         .unwrap();
     for (row, state) in rows.iter().zip(states) {
         for (name, value) in [

@@ -4,7 +4,6 @@
 
 mod checks;
 #[path = "../reference_states/newton_euler.rs"]
-#[expect(dead_code, reason = "the checks need no reactions")]
 mod newton_euler;
 mod printed;
 mod runs;

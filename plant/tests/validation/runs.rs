@@ -122,7 +122,7 @@ fn account(mechanism: &Mechanism, torque: impl Fn(f64) -> f64) -> Vec<Instant> {
         ]
     };
     let times: Vec<f64> = (0..=1000).map(|i| f64::from(i) * DT_S).collect();
-    let states = Adaptive::default().sample(slope, &times, [th0, th1, w0, v1, 0.0, 0.0]);
+    let states = Adaptive::default().sample(slope, &times, [], [th0, th1, w0, v1, 0.0, 0.0]);
     let states = states.unwrap();
     times
         .into_iter()

@@ -10,10 +10,10 @@ macro_rules! faults {
         $(#[$doc:meta])*
         $kind:ident = $name:literal $({ $($parameter:ident: $type:ty),* })?,
     )*) => {
-        /// A fault of the sensor, its supply or its cable ([`Bno055::inject`](super::Bno055::inject),
-        /// [`Bno055::clear`](super::Bno055::clear)). `probability` is the share of the bytes or words in
-        /// question that it strikes, 0 to 1; `stretch` is how long a byte is stretched; `clocks`
-        /// are the pulses until the data line is let go, 1 to 9.
+        /// A fault of the sensor, its supply or its cable.
+        /// `probability` is the share of the bytes or words in question that it strikes, 0 to 1;
+        /// `stretch` is how long a byte is stretched; `clocks` are the pulses until the data line
+        /// is let go, 1 to 9.
         #[derive(Clone, Copy, Debug, PartialEq)]
         #[allow(missing_docs, reason = "the parameters are described once")]
         pub enum Fault {

@@ -100,6 +100,12 @@ pub enum FlightError {
     Response(#[from] ResponseError),
 }
 
+/// What a flight gives, or why there is none.
+pub type Flown<T = ()> = Result<T, FlightError>;
+
+/// Who watches a flight.
+pub type Watch<'a> = &'a mut dyn FnMut(&Progress);
+
 /// Stage of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
@@ -216,11 +222,7 @@ pub struct Release {
 ///
 /// # Errors
 /// The rig stopped, or the image does not come to standby.
-pub fn prepare(
-    image: &Image,
-    setup: &Setup,
-    progress: &mut dyn FnMut(&Progress),
-) -> Result<Ready, FlightError> {
+pub fn prepare(image: &Image, setup: &Setup, progress: Watch<'_>) -> Flown<Ready> {
     let mut ready = boot(image, setup)?;
     let begin = ready.rig.now();
     while ready.station.state() != Some(StateKind::Standby) {
@@ -244,8 +246,8 @@ pub fn fly_at_once(
     setup: &Setup,
     start_rad: f64,
     seconds: f64,
-    progress: &mut dyn FnMut(&Progress),
-) -> Result<FlightRecord, FlightError> {
+    progress: Watch<'_>,
+) -> Flown<FlightRecord> {
     let mut setup = setup.clone();
     setup.rig.bench.start_rad = start_rad;
     let mut ready = boot(image, &setup)?;
@@ -255,7 +257,7 @@ pub fn fly_at_once(
 }
 
 /// Boots `image` and sends it its parameters.
-fn boot(image: &Image, setup: &Setup) -> Result<Ready, FlightError> {
+fn boot(image: &Image, setup: &Setup) -> Flown<Ready> {
     let mut ready = Ready {
         rig: Rig::new(image, &setup.rig)?,
         station: GroundStation::new(),
@@ -288,8 +290,8 @@ impl Ready {
         start_rad: f64,
         rate_rad_s: f64,
         seconds: f64,
-        progress: &mut dyn FnMut(&Progress),
-    ) -> Result<FlightRecord, FlightError> {
+        progress: Watch<'_>,
+    ) -> Flown<FlightRecord> {
         let release = Release {
             tilt_rad: [start_rad, 0.0],
             rate_rad_s,
@@ -306,8 +308,8 @@ impl Ready {
         &self,
         release: &Release,
         seconds: f64,
-        progress: &mut dyn FnMut(&Progress),
-    ) -> Result<FlightRecord, FlightError> {
+        progress: Watch<'_>,
+    ) -> Flown<FlightRecord> {
         let begun = Mark::of(&self.rig);
         let mut fork = self.armed(release.tilt_rad, progress)?;
         fork.rig.environment_mut().set_spin(release.spin_rad_s);
@@ -331,8 +333,8 @@ impl Ready {
         tilt_rad: [f64; Axis::COUNT],
         countdown_s: f64,
         seconds: f64,
-        progress: &mut dyn FnMut(&Progress),
-    ) -> Result<FlightRecord, FlightError> {
+        progress: Watch<'_>,
+    ) -> Flown<FlightRecord> {
         let begun = Mark::of(&self.rig);
         let mut fork = self.armed(tilt_rad, progress)?;
         fork.watch(Stage::Tilt, Ticks::from_secs_f64(countdown_s), progress)?;
@@ -348,11 +350,7 @@ impl Ready {
 
     /// A clone with the drone tilted to `start_rad`, pitch and roll, and armed, at a random phase
     /// of the servo frame.
-    pub(super) fn armed(
-        &self,
-        start_rad: [f64; Axis::COUNT],
-        progress: &mut dyn FnMut(&Progress),
-    ) -> Result<Self, FlightError> {
+    pub(super) fn armed(&self, start_rad: [f64; Axis::COUNT], progress: Watch<'_>) -> Flown<Self> {
         let mut fork = self.clone();
         fork.tilt(start_rad, progress)?;
         fork.arm(Stage::Tilt, ARM_PATIENCE, progress)?;
@@ -365,12 +363,7 @@ impl Ready {
     }
 
     /// Arms the drone, at rest, as soon as the image lets it be armed.
-    pub(super) fn arm(
-        &mut self,
-        stage: Stage,
-        patience: Ticks,
-        progress: &mut dyn FnMut(&Progress),
-    ) -> Result<(), FlightError> {
+    pub(super) fn arm(&mut self, stage: Stage, patience: Ticks, progress: Watch<'_>) -> Flown {
         let end = self.rig.now() + patience;
         while let Err(refused) = self.station.arm(&mut self.rig) {
             if self.rig.now() > end {
@@ -388,8 +381,8 @@ impl Ready {
         rate_rad_s: f64,
         seconds: f64,
         begun: Mark,
-        progress: &mut dyn FnMut(&Progress),
-    ) -> Result<FlightRecord, FlightError> {
+        progress: Watch<'_>,
+    ) -> Flown<FlightRecord> {
         self.station.release(&mut self.rig, rate_rad_s)?;
         let released = self.rig.now();
         self.station.begin_measurement();
@@ -399,11 +392,7 @@ impl Ready {
         self.record(start_rad, released..released + length, begun, mark)
     }
 
-    fn tilt(
-        &mut self,
-        start_rad: [f64; Axis::COUNT],
-        progress: &mut dyn FnMut(&Progress),
-    ) -> Result<(), FlightError> {
+    fn tilt(&mut self, start_rad: [f64; Axis::COUNT], progress: Watch<'_>) -> Flown {
         self.rig.environment_mut().tilt_clamp_to(start_rad);
         while !self.rig.environment().clamp_rests() {
             self.watch(Stage::Tilt, PROGRESS, progress)?;
@@ -411,12 +400,7 @@ impl Ready {
         self.watch(Stage::Tilt, REST, progress)
     }
 
-    fn watch(
-        &mut self,
-        stage: Stage,
-        length: Ticks,
-        progress: &mut dyn FnMut(&Progress),
-    ) -> Result<(), FlightError> {
+    fn watch(&mut self, stage: Stage, length: Ticks, progress: Watch<'_>) -> Flown {
         let begin = self.rig.now();
         self.watch_until(stage, begin, begin + length, progress)
     }
@@ -427,8 +411,8 @@ impl Ready {
         stage: Stage,
         begin: Ticks,
         end: Ticks,
-        progress: &mut dyn FnMut(&Progress),
-    ) -> Result<(), FlightError> {
+        progress: Watch<'_>,
+    ) -> Flown {
         while self.rig.now() < end {
             let slice = PROGRESS.min(end - self.rig.now());
             self.station.run(&mut self.rig, slice)?;
@@ -454,7 +438,7 @@ impl Ready {
         window: Range<Ticks>,
         begun: Mark,
         mark: Mark,
-    ) -> Result<FlightRecord, FlightError> {
+    ) -> Flown<FlightRecord> {
         let now = Mark::of(&self.rig);
         let final_state = self.station.state();
         // Messages of the last steps are still on their way.

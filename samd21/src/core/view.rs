@@ -1,38 +1,30 @@
 //! What a core shows to whoever runs it: why a run ended, what was counted, its registers.
 
-use std::fmt;
-
 use crate::fault::Fault;
 use crate::peripherals::ResetCause;
+use thiserror::Error;
 
 /// Why a run ended.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Stop {
     /// The time asked for is reached.
+    #[error("the time asked for is reached")]
     Reached,
     /// Firmware or a watchdog asks for a reset. The chip waits for
     /// [`Chip::reset`](crate::Chip::reset).
+    #[error("reset: {0:?}")]
     Reset(ResetCause),
     /// An access or a state that no model covers. The chip stands before the instruction.
+    #[error("{0}")]
     Fault(Fault),
     /// A BKPT instruction. The chip stands before it.
+    #[error("breakpoint")]
     Breakpoint,
     /// A fault inside of HardFault or NMI: the core stands still until it is reset, by a watchdog
     /// perhaps. Reported once; [`Chip::lockup`](crate::Chip::lockup) and
     /// [`Chip::last_hard_fault`](crate::Chip::last_hard_fault) hold what happened.
+    #[error("lockup: a fault inside of HardFault or NMI")]
     Lockup,
-}
-
-impl fmt::Display for Stop {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Reached => write!(f, "the time asked for is reached"),
-            Self::Reset(cause) => write!(f, "reset: {cause:?}"),
-            Self::Fault(fault) => write!(f, "{fault}"),
-            Self::Breakpoint => write!(f, "breakpoint"),
-            Self::Lockup => write!(f, "lockup: a fault inside of HardFault or NMI"),
-        }
-    }
 }
 
 /// What has been counted since power-on.

@@ -43,7 +43,7 @@ use control::Transfer;
 use pipe::PipeState;
 use request::Request;
 use std::collections::VecDeque;
-use std::fmt;
+use thiserror::Error;
 use transaction::Transaction;
 
 const FRAME: Ticks = Ticks::from_ms(1);
@@ -60,30 +60,23 @@ const BYTE: Ticks = Ticks(32);
 const ATTEMPTS: u8 = 3;
 
 /// What went wrong on the host's side.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum HostError {
     /// The device did not answer this request, or not in five seconds.
+    #[error("no answer to {0}")]
     NoAnswer(&'static str),
     /// The device refused this request with STALL.
+    #[error("{0} refused")]
     Refused(&'static str),
     /// A data packet came with the toggle of the one before it; it was dropped.
+    #[error("data packet with the wrong toggle")]
     WrongToggle,
     /// More bytes came than the endpoint's packet size or the request allow.
+    #[error("more data than announced")]
     TooLong,
     /// A descriptor is wrong: what about it.
+    #[error("descriptor: {0}")]
     Descriptor(&'static str),
-}
-
-impl fmt::Display for HostError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoAnswer(request) => write!(f, "no answer to {request}"),
-            Self::Refused(request) => write!(f, "{request} refused"),
-            Self::WrongToggle => write!(f, "data packet with the wrong toggle"),
-            Self::TooLong => write!(f, "more data than announced"),
-            Self::Descriptor(what) => write!(f, "descriptor: {what}"),
-        }
-    }
 }
 
 /// What the host has counted since power-on.

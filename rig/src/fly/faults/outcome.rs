@@ -1,9 +1,8 @@
 //! How a run ended, in words and figures.
 
-use std::fmt;
-
 use client::StateKind;
 use samd21::board::Ticks;
+use thiserror::Error;
 
 use super::{Alarms, Case, DEADLINE};
 
@@ -25,70 +24,59 @@ pub enum Ending {
 }
 
 /// What was unsafe.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum Unsafe {
     /// The rudder was off neutral without valid data for too long.
+    #[error("rudder off neutral without valid data for more than {} ms", DEADLINE.as_us() / 1000)]
     Unguarded,
     /// No pulse for this time.
+    #[error("no pulse for {:.1} ms", ms(.0))]
     NoPulse(Ticks),
     /// A pulse of a width, us, that the servo must never see.
+    #[error("a pulse of {0:.1} us")]
     WildPulse(f64),
     /// A pulse that was cut to this width, us.
+    #[error("cut pulse of {0:.0} us")]
     CutPulse(f64),
     /// A pulse of this width, us, which is neither neutral nor what the program had asked for.
+    #[error("a pulse of {0:.0} us that nobody asked for")]
     StrayPulse(f64),
     /// A pin that is high for this time, to the end.
+    #[error("a pin high for {:.0} ms", ms(.0))]
     High(Ticks),
     /// A pulse off neutral, of this width, us, after the firmware had reported its failsafe.
+    #[error("a pulse of {0:.1} us in failsafe")]
     PulseInFailsafe(f64),
     /// The chip was reset.
+    #[error("the chip was reset")]
     Reset,
     /// In control, but the drone is this far from the flight without the fault, rad.
+    #[error("in control, but {0:.2} rad off course")]
     OffCourse(f64),
     /// The firmware ended in a state that is neither control nor failsafe.
+    #[error("{}", ended(.0))]
     State(Option<StateKind>),
     /// A rudder was driven wrongly for this time.
+    #[error("a rudder driven wrongly for {:.0} ms", ms(.0))]
     Driven(Ticks),
     /// Armed or in control, and nobody had ordered it.
+    #[error("in state {0:?} without an order")]
     Unordered(StateKind),
     /// The flash has a set of parameters at the end that nobody had stored.
+    #[error("other parameters are stored than anybody has set")]
     StoredOthers,
     /// At the end, in no control, a pulse of this width, us, which is not neutral.
+    #[error("at the end a pulse of {0:.1} us")]
     NotNeutral(f64),
 }
 
-impl fmt::Display for Unsafe {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unguarded => write!(
-                f,
-                "rudder off neutral without valid data for more than {} ms",
-                DEADLINE.as_us() / 1000
-            ),
-            Self::NoPulse(gap) => write!(f, "no pulse for {:.1} ms", gap.as_us_f64() / 1e3),
-            Self::WildPulse(width) => write!(f, "a pulse of {width:.1} us"),
-            Self::CutPulse(width) => write!(f, "cut pulse of {width:.0} us"),
-            Self::StrayPulse(width) => {
-                write!(f, "a pulse of {width:.0} us that nobody asked for")
-            }
-            Self::High(time) => write!(f, "a pin high for {:.0} ms", time.as_us_f64() / 1e3),
-            Self::PulseInFailsafe(width) => write!(f, "a pulse of {width:.1} us in failsafe"),
-            Self::Reset => f.write_str("the chip was reset"),
-            Self::OffCourse(rad) => write!(f, "in control, but {rad:.2} rad off course"),
-            Self::State(Some(state)) => write!(f, "ended in state {state:?}"),
-            Self::State(None) => f.write_str("no word from the firmware"),
-            Self::Driven(time) => {
-                write!(
-                    f,
-                    "a rudder driven wrongly for {:.0} ms",
-                    time.as_us_f64() / 1e3
-                )
-            }
-            Self::Unordered(state) => write!(f, "in state {state:?} without an order"),
-            Self::StoredOthers => f.write_str("other parameters are stored than anybody has set"),
-            Self::NotNeutral(width) => write!(f, "at the end a pulse of {width:.1} us"),
-        }
-    }
+fn ms(time: &Ticks) -> f64 {
+    time.as_us_f64() / 1e3
+}
+
+fn ended(state: &Option<StateKind>) -> String {
+    let named = state.map(|state| format!("ended in state {state:?}"));
+    named.unwrap_or("no word from the firmware".into())
 }
 
 /// A run and how it ended.
