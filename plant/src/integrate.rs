@@ -64,7 +64,7 @@ pub struct Adaptive {
 }
 
 impl Default for Adaptive {
-    /// As tight as `f64` allows: a crank that is driven by its link's weight alone reaches 100 rad/s.
+    /// As tight as `f64` allows: a crank that its link's weight alone drives reaches 100 rad/s.
     fn default() -> Self {
         Self {
             relative: 1e-13,
