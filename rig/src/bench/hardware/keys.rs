@@ -24,6 +24,9 @@ pub struct Key {
     kind: Kind,
 }
 
+/// Sets a choice.
+type Set = fn(&mut Hardware);
+
 /// What a value is, between which limits, and where it goes.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
@@ -33,7 +36,7 @@ enum Kind {
     /// How long the clock line is held: a number of us, or `MIN..MAX`.
     Hold(fn(&mut Hardware) -> &mut RangeInclusive<u64>),
     /// One of these names, and what it sets.
-    Choice(&'static [(&'static str, fn(&mut Hardware))]),
+    Choice(&'static [(&'static str, Set)]),
     /// Anything else: how it is set and shown.
     Own(
         fn(&mut Hardware, &str) -> Result<(), String>,
