@@ -4,11 +4,8 @@
 use core::f32::consts::PI;
 use core::mem;
 
-use tvc_fusion::fixed::{self, AnyFilter, AnyGains, Counts, Estimator, Ideal, Orientation, Scale};
-use tvc_fusion::{
-    Attitude, BiasState, ComplementaryGains, Config, ConfigError, MadgwickGains, MahonyGains,
-    Quality, VqfGains,
-};
+use tvc_fusion::fixed::{self, AnyFilter, Counts, Estimator, Ideal, Orientation, Scale};
+use tvc_fusion::{Attitude, BiasState, Config, ConfigError, Quality};
 use tvc_imu::{Micros, RawSample, Sample, SensorFault};
 use tvc_pid::{Q16, Scalar, Share16};
 
@@ -480,21 +477,11 @@ impl Settings {
     }
 
     fn estimator(&self) -> Result<Estimator<AnyFilter, Ideal>, ConfigError> {
-        let build = |gains| {
-            let config = Config {
-                declination_rad: self.declination_deg * (PI / 180.0),
-                // The controller knows how old the rates are, and pitch and tilt need no heading.
-                ..Config::with_gains(gains).without_lags()
-            };
-            Estimator::new(&config, &SCALE, ESTIMATOR_PERIOD_US)
+        let config = Config {
+            declination_rad: self.declination_deg * (PI / 180.0),
+            // The controller knows how old the rates are, and pitch and tilt need no heading.
+            ..Config::with_gains(self.filter.gains()).without_lags()
         };
-        match self.filter {
-            FilterKind::Vqf => build(AnyGains::Vqf(VqfGains::default())),
-            FilterKind::Mahony => build(AnyGains::Mahony(MahonyGains::default())),
-            FilterKind::Madgwick => build(AnyGains::Madgwick(MadgwickGains::default())),
-            FilterKind::Complementary => {
-                build(AnyGains::Complementary(ComplementaryGains::default()))
-            }
-        }
+        Estimator::new(&config, &SCALE, ESTIMATOR_PERIOD_US)
     }
 }

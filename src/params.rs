@@ -9,6 +9,9 @@ mod table;
 
 use core::fmt;
 
+use tvc_fusion::fixed::AnyGains;
+use tvc_fusion::{ComplementaryGains, MadgwickGains, MahonyGains, VqfGains};
+
 use crate::axis::Axis;
 use crate::config::STRETCH_MAX_US;
 use crate::ticks::{TickPlan, Timing};
@@ -68,6 +71,16 @@ impl FilterKind {
     /// The parameter's value.
     pub const fn value(self) -> f32 {
         self as u8 as f32
+    }
+
+    /// The filter of the image, with its default gains.
+    pub(crate) fn gains(self) -> AnyGains {
+        match self {
+            Self::Vqf => AnyGains::Vqf(VqfGains::default()),
+            Self::Mahony => AnyGains::Mahony(MahonyGains::default()),
+            Self::Madgwick => AnyGains::Madgwick(MadgwickGains::default()),
+            Self::Complementary => AnyGains::Complementary(ComplementaryGains::default()),
+        }
     }
 }
 
