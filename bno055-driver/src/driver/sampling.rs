@@ -88,12 +88,11 @@ impl Sampling {
             SensorFault::Frozen => 1,
             _ => BAD_SAMPLES_MAX,
         };
-        if self.bad_samples < most {
-            return unreliable.then_some(SensorFault::Unreliable);
-        }
-        Some(match fault {
+        let is_lasting = self.bad_samples >= most;
+        (is_lasting || unreliable).then_some(match fault {
             SensorFault::AllZero => SensorFault::Reset,
-            fault => fault,
+            fault if is_lasting => fault,
+            _ => SensorFault::Unreliable,
         })
     }
 
