@@ -60,7 +60,7 @@ fn a_rough_flight_comes_from_a_file_and_stays_in_control() {
     let flight: serde_json::Value =
         serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
     assert_eq!(flight["runs"][0]["stayed_active"], true, "{said}");
-    assert_eq!(flight["faults"][0]["probability"], 0.003);
+    assert_eq!(flight["faults"][0]["probability"], 0.001);
     assert_eq!(flight["faults"][1]["stretch_ms"], 2.0);
     let disturbances = &flight["disturbances"];
     assert_eq!(disturbances["servo_supply"]["volts"], 4.8);
