@@ -131,8 +131,8 @@ impl Timing {
         self.needed_us() > LONGEST_TICK_US
     }
 
-    /// Shortest time between two ticks, us. It stays below [`LONGEST_TICK_US`], even where not every
-    /// burst then leaves time for a short transfer.
+    /// Shortest time between two ticks, us. It stays below [`LONGEST_TICK_US`], even where not
+    /// every burst then leaves time for a short transfer.
     fn shortest_us(&self) -> u32 {
         if self.is_too_slow() {
             return self.needed_us();
