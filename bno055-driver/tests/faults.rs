@@ -243,6 +243,31 @@ fn zeros_are_a_reset_when_the_mode_says_so_or_when_they_do_not_end() {
     assert!(!rig.driver.is_sampling());
 }
 
+/// Zeros around a register that lost its setting are a reset. Zeros among other bad samples are not.
+#[test]
+fn zeros_are_a_reset_beside_a_wrong_register_and_not_beside_noise() {
+    let zeros = |rig: &mut Rig| rig.driver.sample(Micros(rig.chip.now), Ok(&[0; 18]));
+    let mut rig = flying(Config::default());
+    assert_eq!(zeros(&mut rig), Err(SensorFault::AllZero));
+    let Next::Transfer(_) = rig.driver.next(Micros(rig.chip.now)) else {
+        panic!("the mode is to be read")
+    };
+    rig.driver.complete(Micros(rig.chip.now), Ok(&[0]));
+    assert_eq!(zeros(&mut rig), Err(SensorFault::Reset));
+
+    let mut rig = flying(Config::default());
+    for _ in 0..2 {
+        let burst = rig.driver.burst();
+        let mut bytes = rig.chip.perform(&burst).unwrap();
+        // The highest bit of a rate.
+        bytes[17] ^= 0x80;
+        let flipped = rig.driver.sample(Micros(rig.chip.now), Ok(&bytes));
+        assert_eq!(flipped, Err(SensorFault::Implausible));
+        assert!(rig.bursts(1)[0].is_ok());
+    }
+    assert_eq!(zeros(&mut rig), Err(SensorFault::Unreliable));
+}
+
 #[test]
 fn frozen_data_are_seen_within_70_ms() {
     let mut rig = flying(Config::default());

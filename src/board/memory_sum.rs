@@ -25,7 +25,7 @@ fn of_words(from: usize, words: usize) -> u32 {
         (at, sum) = with_twelve(at, sum);
     }
     while at != end {
-        // SAFETY: a word of a value in RAM, volatile as above.
+        // SAFETY: a word of a value in RAM, volatile because a bit may flip by itself.
         let word = unsafe { (at as *const u32).read_volatile() };
         sum = (sum ^ word).wrapping_mul(FACTOR);
         at += 4;

@@ -148,7 +148,10 @@ macro_rules! parameters {
         pub(super) const COUNT: usize = [$($(#[cfg(feature = $feature)])? Place::$field,)+].len();
 
         // A stored value must find one row only.
-        const _: () = assert!(all_differ(&[$($(#[cfg(feature = $feature)])? hash($name),)+]), "two names have the same hash");
+        const _: () = assert!(
+            all_differ(&[$($(#[cfg(feature = $feature)])? hash($name),)+]),
+            "two names have the same hash"
+        );
 
         impl Default for Params {
             fn default() -> Self {

@@ -90,7 +90,8 @@ impl Sampling {
         };
         let is_lasting = self.bad_samples >= most;
         (is_lasting || unreliable).then_some(match fault {
-            SensorFault::AllZero => SensorFault::Reset,
+            // A register that reads wrong beside the zeros has lost its setting, too.
+            SensorFault::AllZero if is_lasting || self.mismatched => SensorFault::Reset,
             fault if is_lasting => fault,
             _ => SensorFault::Unreliable,
         })
