@@ -13,6 +13,8 @@
 //! note("They do not fit one another.")       a paragraph on the terminal
 //! ```
 
+mod limit;
+
 use std::path::Path;
 
 use anyhow::Result;
@@ -22,6 +24,7 @@ use serde_json::value::RawValue;
 use super::exit::Verdict;
 use super::file::{hand_over, print, print_json};
 use super::table::Table;
+pub use limit::Limit;
 
 /// What `--json` prints for a figure.
 #[derive(Debug, Clone, Serialize)]
@@ -90,63 +93,6 @@ impl<const N: usize> From<[Figure; N]> for Value {
 impl<T: Into<Value>> From<Option<T>> for Value {
     fn from(value: Option<T>) -> Self {
         value.map_or(Self::Missing, Into::into)
-    }
-}
-
-/// What a figure is held to, in the unit of its value in JSON.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Limit {
-    /// Not above.
-    AtMost(f64),
-    /// Not below.
-    AtLeast(f64),
-    /// Strictly below.
-    Below(f64),
-    /// An expected value and how far from it is near enough.
-    Near(f64, f64),
-    /// From the first to the second, both allowed.
-    Within(f64, f64),
-    /// The flag must be set.
-    Set,
-}
-
-use Limit::{AtLeast, AtMost, Below, Near, Set, Within};
-
-impl Limit {
-    /// The least and the greatest value that meet it.
-    fn range(self) -> (f64, f64) {
-        match self {
-            AtMost(most) | Below(most) => (f64::NEG_INFINITY, most),
-            AtLeast(least) => (least, f64::INFINITY),
-            Near(value, tolerance) => (value - tolerance, value + tolerance),
-            Within(low, high) => (low, high),
-            Set => (1.0, 1.0),
-        }
-    }
-
-    /// Whether a number meets it; NaN does not.
-    fn met_by(self, number: f64) -> bool {
-        let (low, high) = self.range();
-        (low..=high).contains(&number) && self != Below(number)
-    }
-
-    /// In words, its numbers multiplied by `scale`.
-    fn words(self, scale: f64) -> String {
-        let number = |value: f64| match value * scale {
-            value if value != 0.0 && value.abs() < 1e-3 => format!("{value:e}"),
-            value => format!("{value}"),
-        };
-        match self {
-            AtMost(0.0) => "none".into(),
-            AtMost(most) => format!("at most {}", number(most)),
-            AtLeast(least) => format!("at least {}", number(least)),
-            Below(most) => format!("below {}", number(most)),
-            Near(value, tolerance) => format!("{} ± {:e}", number(value), tolerance * scale),
-            Within(low, high) if low == high => format!("exactly {}", number(low)),
-            Within(0.0, high) => format!("at most {}", number(high)),
-            Within(low, high) => format!("{} to {}", number(low), number(high)),
-            Set => "yes".into(),
-        }
     }
 }
 
@@ -297,7 +243,7 @@ impl Figure {
     pub fn range(&self) -> (f64, f64) {
         let limit = self
             .limit
-            .unwrap_or(Within(f64::NEG_INFINITY, f64::INFINITY));
+            .unwrap_or(Limit::Within(f64::NEG_INFINITY, f64::INFINITY));
         limit.range()
     }
 
@@ -517,6 +463,7 @@ pub fn lines<'a>(figures: impl IntoIterator<Item = &'a Figure>) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use Limit::*;
 
     fn figures(jitter: f64, settling: Option<f64>) -> Figures {
         let run = [
