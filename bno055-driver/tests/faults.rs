@@ -243,7 +243,8 @@ fn zeros_are_a_reset_when_the_mode_says_so_or_when_they_do_not_end() {
     assert!(!rig.driver.is_sampling());
 }
 
-/// Zeros around a register that lost its setting are a reset. Zeros among other bad samples are not.
+/// Zeros around a register that lost its setting are a reset. Zeros among other bad samples are no
+/// reset.
 #[test]
 fn zeros_are_a_reset_beside_a_wrong_register_and_not_beside_noise() {
     let zeros = |rig: &mut Rig| rig.driver.sample(Micros(rig.chip.now), Ok(&[0; 18]));
