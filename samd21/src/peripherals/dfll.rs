@@ -45,6 +45,15 @@ impl Dfll {
         }
     }
 
+    /// As after a reset: the error is the silicon's.
+    pub(super) fn after_reset(&self) -> Self {
+        Self {
+            coarse: 0,
+            fine: 0.0,
+            ..self.clone()
+        }
+    }
+
     /// Writes DFLLVAL.
     pub(super) fn load(&mut self, value: u32) {
         self.coarse = (value >> 10 & 0x3F) as u8;
@@ -123,6 +132,16 @@ mod tests {
         next.load(dfll.value());
         let error = next.rate(Ticks::ZERO).hz() / 48e6 - 1.0;
         assert!(error.abs() < FINE_STEP / 2.0 + 15e-6, "{error}");
+    }
+
+    #[test]
+    fn a_reset_takes_the_value_but_not_the_error_of_the_silicon() {
+        let mut dfll = running(0);
+        dfll.shift(-31_000.0);
+        let mut again = dfll.after_reset();
+        assert_eq!(again.value(), 0);
+        again.load(FACTORY);
+        assert!((again.rate(Ticks::ZERO).hz() - 46.512e6).abs() < 1e3);
     }
 
     #[test]

@@ -109,9 +109,14 @@ impl Sysctrl {
     }
 
     /// As after a reset for this reason: the 32 kHz oscillators go on through one that is not of
-    /// the supply (data sheet, reset controller, effects of the different resets).
+    /// the supply (data sheet, reset controller, effects of the different resets). An oscillator
+    /// that has come to run at another rate does so behind it, too.
     pub(crate) fn after_reset(&self, options: &Options, cause: ResetCause) -> Self {
-        let fresh = Self::new(options);
+        let fresh = Self {
+            dfll: self.dfll.after_reset(),
+            osculp32k_hz: self.osculp32k_hz,
+            ..Self::new(options)
+        };
         match cause {
             ResetCause::External | ResetCause::Watchdog | ResetCause::System => Self {
                 xosc32k: self.xosc32k,
