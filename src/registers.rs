@@ -91,6 +91,8 @@ pub struct Patrol<const N: usize> {
     /// Of the others, rows that are compared at each look.
     at_once: usize,
     held: [u32; N],
+    /// [`seal`] of them.
+    seal: u32,
     next: usize,
 }
 
@@ -102,11 +104,13 @@ impl<const N: usize> Patrol<N> {
         at_once: usize,
         access: &mut impl Access,
     ) -> Self {
+        let held = core::array::from_fn(|index| table.get(index).map_or(0, |row| access.read(row)));
         Self {
             table,
             always,
             at_once,
-            held: core::array::from_fn(|index| table.get(index).map_or(0, |row| access.read(row))),
+            held,
+            seal: seal(&held),
             next: always,
         }
     }
@@ -117,9 +121,11 @@ impl<const N: usize> Patrol<N> {
         for (register, held) in self.table.get(first..).unwrap_or_default().iter().zip(held) {
             *held = access.read(register);
         }
+        self.seal = seal(&self.held);
     }
 
-    /// Compares and puts right. `false` where something ends the run.
+    /// Compares and puts right. `false` where something ends the run: a register whose change does,
+    /// or a held value that has changed itself.
     #[must_use]
     pub fn look(&mut self, access: &mut impl Access) -> bool {
         let (first, count) = (self.next, self.at_once);
@@ -139,7 +145,7 @@ impl<const N: usize> Patrol<N> {
         for (register, held) in rows.zip(held).take(count) {
             let now = access.read(register);
             if (now ^ held) & register.mask != 0 {
-                if register.then == Then::Stop {
+                if register.then == Then::Stop || self.seal != seal(&self.held) {
                     return false;
                 }
                 access.write(register, now & !register.mask | held & register.mask);
@@ -147,6 +153,12 @@ impl<const N: usize> Patrol<N> {
         }
         true
     }
+}
+
+/// A number that changes with any flipped bit of the values.
+fn seal(values: &[u32]) -> u32 {
+    let add = |sum: u32, value: &u32| sum.rotate_left(5).wrapping_add(*value);
+    values.iter().fold(0, add)
 }
 
 #[cfg(test)]
@@ -189,6 +201,17 @@ mod tests {
             *memory.at(row) = 0x1234_5670 + row as u32;
         }
         (Patrol::new(&TABLE, 2, 2, &mut memory), memory)
+    }
+
+    #[test]
+    fn a_flipped_bit_of_a_held_value_ends_the_run_and_no_register_is_written() {
+        for bit in 0..32 {
+            let (mut patrol, mut memory) = patrol();
+            let before = memory.0.clone();
+            patrol.held[4] ^= 1 << bit;
+            assert!(!(0..2).all(|_| patrol.look(&mut memory)), "bit {bit}");
+            assert_eq!(memory.0, before);
+        }
     }
 
     /// Every bit of every row that counts is put right, or stops, within the looks that the table

@@ -80,7 +80,7 @@ impl Board {
         };
         // Behind the check: a damaged image may have read anything.
         if let Some(fine) = params.clock_fine() {
-            clocks::set_fine(&chip.sysctrl, fine);
+            clocks::set_fine(fine);
         }
         stack::paint();
         let timing = params.timing();

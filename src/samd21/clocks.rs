@@ -87,40 +87,46 @@ pub(crate) fn locked_fine() -> Option<u16> {
         .then(|| sysctrl.dfllval().read().fine().bits())
 }
 
-/// Start from this FINE instead of the middle, which is up to 3 % off.
-pub(crate) fn set_fine(sysctrl: &pac::sysctrl::RegisterBlock, fine: u16) {
-    let coarse = sysctrl.dfllval().read().coarse().bits();
-    set_dfll(sysctrl, coarse, fine, sysctrl.dfllctrl().read().bits());
+/// DFLLCTRL as the HAL sets it: enabled, in closed loop (MODE), tuned by start-of-frame (USBCRM),
+/// without chill cycles (CCDIS) and coarse lock (BPLCKC).
+pub(crate) const DFLL_CONTROL: u16 = 1 << 1 | 1 << 2 | 1 << 5 | 1 << 8 | 1 << 10;
+/// DFLLCTRL.MODE.
+const DFLL_CLOSED: u16 = 1 << 2;
+
+/// The factory's calibration of the DFLL: the upper word of the two that hold it, and where COARSE
+/// begins there (data sheet table 10-5, bits 58 to 63).
+const CALIBRATION: *const u32 = 0x0080_6024 as *const u32;
+const COARSE_AT: u32 = 26;
+/// The HAL takes this COARSE if all bits of the calibration are set, which a chip without one has.
+const COARSE_WITHOUT: u8 = 0x1F;
+
+/// COARSE as the factory has measured it.
+pub(crate) fn calibrated_coarse() -> u8 {
+    // SAFETY: a row of calibration that is always mapped.
+    match (unsafe { CALIBRATION.read_volatile() } >> COARSE_AT) as u8 {
+        0x3F => COARSE_WITHOUT,
+        coarse => coarse,
+    }
 }
 
-/// Sets the DFLL to this COARSE and FINE, and DFLLCTRL to `control`. In open loop, since the loop
-/// would write them; the HAL has the loop closed.
-pub(crate) fn set_dfll(sysctrl: &pac::sysctrl::RegisterBlock, coarse: u8, fine: u16, control: u16) {
+/// Sets the DFLL to the factory's COARSE and this FINE: the middle of FINE is up to 3 % off. In
+/// open loop, since the loop would write them.
+pub(crate) fn set_fine(fine: u16) {
+    let sysctrl = sysctrl();
     let ready = || soon(|| sysctrl.pclksr().read().dfllrdy().bit_is_set());
-    // SAFETY: what was read from the same registers, or six and ten bits, as the row of calibration
-    // and the parameter's range have them.
-    let write = |closed: bool| {
-        sysctrl.dfllctrl().write(|w| {
-            // SAFETY: as above.
-            unsafe { w.bits(control) };
-            // A copy of it that has changed is not to stop the processor.
-            w.enable().set_bit();
-            w.mode().bit(closed && control & DFLL_CLOSED != 0)
-        });
-    };
-    write(false);
+    // SAFETY: bits that exist.
+    let control = |bits| sysctrl.dfllctrl().write(|w| unsafe { w.bits(bits) });
+    control(DFLL_CONTROL & !DFLL_CLOSED);
     let _ = ready();
-    // SAFETY: as above.
+    let coarse = calibrated_coarse();
+    // SAFETY: six and ten bits, as the row of calibration and the parameter's range have them.
     sysctrl
         .dfllval()
         .write(|w| unsafe { w.coarse().bits(coarse).fine().bits(fine) });
     let _ = ready();
-    write(true);
+    control(DFLL_CONTROL);
     let _ = ready();
 }
-
-/// DFLLCTRL.MODE.
-const DFLL_CLOSED: u16 = 1 << 2;
 
 /// BOD33 threshold: the supply's fall below some 2.77 V resets the chip, above the 2.7 V that flash
 /// at one wait state and 48 MHz needs. A step is 34 mV, and the data sheet's table 37-22 states the

@@ -3,54 +3,47 @@
 
 use tvc_nano::SelfCheck;
 
-use super::clocks::{set_dfll as set, sysctrl};
+use super::clocks::{DFLL_CONTROL, calibrated_coarse, set_fine, sysctrl};
 use super::registers;
 use super::time::soon;
-
-/// The factory's calibration of the DFLL: the upper word of the two that hold it, and where COARSE
-/// begins there (data sheet table 10-5, bits 58 to 63).
-const CALIBRATION: *const u32 = 0x0080_6024 as *const u32;
-const COARSE_AT: u32 = 26;
-/// The HAL takes this COARSE if all bits of the calibration are set, which a chip without one has.
-const COARSE_WITHOUT: u8 = 0x1F;
 
 /// Start-of-frame moves FINE by ten steps a millisecond at most. What a flipped bit has added
 /// beyond that stays: USB does not work with such a clock.
 const FINE_JUMP: u16 = 200;
 
-/// What start-up has left.
+/// FINE at the newest look.
 pub(crate) struct DfllCheck {
-    control: u16,
-    coarse: u8,
-    /// FINE at the newest look.
     fine: u16,
+    /// Its complement: a bit of either may flip.
+    complement: u16,
 }
 
 impl DfllCheck {
     /// What is set now.
     pub(crate) fn new() -> Self {
+        let fine = fine();
         Self {
-            control: sysctrl().dfllctrl().read().bits(),
-            coarse: coarse(),
-            fine: fine(),
+            fine,
+            complement: !fine,
         }
     }
 
     /// Puts FINE right where it has jumped.
     ///
     /// # Errors
-    /// The DFLL runs at a frequency of its own, which only a reset puts right.
+    /// The DFLL ran at another frequency, which only a reset puts right.
     pub(crate) fn look(&mut self) -> Result<(), SelfCheck> {
         let dfll = sysctrl();
-        if coarse() != self.coarse || dfll.dfllctrl().read().bits() != self.control {
+        let is_kept = self.fine == !self.complement;
+        if coarse() != calibrated_coarse() || dfll.dfllctrl().read().bits() != DFLL_CONTROL {
             // The pulses up to the reset are to be right.
-            set(dfll, self.coarse, self.fine, self.control);
+            set_fine(if is_kept { self.fine } else { fine() });
             return Err(SelfCheck::Clock);
         }
-        if fine().abs_diff(self.fine) > FINE_JUMP {
-            set(dfll, self.coarse, self.fine, self.control);
+        if is_kept && fine().abs_diff(self.fine) > FINE_JUMP {
+            set_fine(self.fine);
         } else {
-            self.fine = fine();
+            *self = Self::new();
         }
         // For the next look.
         dfll.dfllsync().write(|w| w.readreq().set_bit());
@@ -59,26 +52,13 @@ impl DfllCheck {
 }
 
 /// Whether processor and timer run at 48 MHz as far as registers tell: what a start with a damaged
-/// image has set up may be wrong itself. The DFLL has its COARSE, and generator 0 takes it
-/// undivided. The calibration is read by code of its own, since the HAL's may be what is damaged.
+/// image has set up may be wrong itself. The calibration is read by code of this firmware, since
+/// the HAL's may be what is damaged.
 pub(crate) fn is_as_meant() -> bool {
-    /// GENCTRL's SRC for the DFLL, with GENEN, and the bits of both and of DIVSEL.
-    const FROM_DFLL: u32 = 7 << 8 | 1 << 16;
-    const SOURCE_BITS: u32 = 0x1F << 8 | 1 << 16 | 1 << 20;
     let dfll = sysctrl();
     dfll.dfllsync().write(|w| w.readreq().set_bit());
     let is_read = soon(|| dfll.pclksr().read().dfllrdy().bit_is_set());
-    // SAFETY: a row of calibration that is always mapped.
-    let fused = match (unsafe { CALIBRATION.read_volatile() } >> COARSE_AT) as u8 {
-        0x3F => COARSE_WITHOUT,
-        fused => fused,
-    };
-    let [dividers, division, control] = registers::processor();
-    is_read
-        && coarse() == fused
-        && dividers == 0
-        && control & SOURCE_BITS == FROM_DFLL
-        && division >> 8 <= 1
+    is_read && coarse() == calibrated_coarse() && registers::is_processor_right()
 }
 
 /// The DFLL's coarse value as it was when it was asked for last.

@@ -116,10 +116,28 @@ const TABLE: [Register; 43] = [
     WIRING.servos[1].pin.settings(),
 ];
 
-/// What the processor's frequency follows from behind the DFLL: the dividers of its buses, GENDIV
-/// and GENCTRL of generator 0.
-pub(crate) fn processor() -> [u32; 3] {
-    [DIVIDERS, division(0), generator(0)].map(|register| Bus.read(&register))
+/// What makes the processor's frequency from the DFLL's, and the value of its bits: no divider, and
+/// generator 0 runs (GENEN) from the DFLL (SRC 7), undivided (DIV 0 or 1, no DIVSEL).
+const PROCESSOR: [(Register, u32); 3] = [
+    (DIVIDERS, 0),
+    (division(0).bits(0x00FF_FE00), 0),
+    (generator(0).bits(0x0011_1F00), 0x0001_0700),
+];
+
+/// Whether the processor runs at the DFLL's frequency.
+pub(crate) fn is_processor_right() -> bool {
+    let mut rows = PROCESSOR.iter();
+    rows.all(|(register, value)| (Bus.read(register) ^ value) & register.mask == 0)
+}
+
+/// Has the processor run at the DFLL's frequency, should a register have lost that.
+pub(crate) fn restore_processor() {
+    for (register, value) in &PROCESSOR {
+        let now = Bus.read(register);
+        if (now ^ value) & register.mask != 0 {
+            Bus.write(register, now & !register.mask | value);
+        }
+    }
 }
 
 /// Compares them.

@@ -17,6 +17,7 @@ use atsamd_hal::pac::interrupt;
 use tvc_imu::Micros;
 use tvc_nano::watchdog::Work;
 
+use super::registers::restore_processor;
 use super::time::{now, within};
 use super::{crash, frame, stack};
 
@@ -127,6 +128,11 @@ fn registers() -> &'static pac::wdt::RegisterBlock {
 #[interrupt]
 fn WDT() {
     registers().intflag().write(|w| w.ew().set_bit());
-    GRACE.store(GRACE_MS + 1, Ordering::Relaxed);
+    // An interrupt that comes again and again is not to put the end off.
+    if !has_warned() {
+        GRACE.store(GRACE_MS + 1, Ordering::Relaxed);
+    }
+    // A divided clock makes the program late and its pulses long.
+    restore_processor();
     frame::force_neutral();
 }
