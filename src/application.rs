@@ -378,8 +378,13 @@ impl<'a, S: Imu> Application<'a, S> {
         // The processor stands still while it writes flash: a burst under way would be cut in two.
         if self.has_piece_to_save() && matches!(board.bus(), Bus::Free | Bus::Broken) {
             self.may_save = false;
-            // What a flipped bit has made of the parameters is not to be stored.
-            self.open(board);
+            // What a flipped bit has made of the parameters is not to be stored. A save only reads
+            // them: their sum stays, for a bit may flip while the flash is written.
+            if self.telemetry.is_saving() {
+                self.check_settings(board);
+            } else {
+                self.open(board);
+            }
             self.telemetry.serve_storage(board.flash(), self.flight);
         }
         if let Some(reset) = self.telemetry.take_reset() {

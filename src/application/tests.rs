@@ -42,6 +42,8 @@ struct Notes {
     reset: Option<Reset>,
     /// Of the flight's memory.
     sum: u32,
+    /// By how much it changes while flash is written.
+    flips: u32,
 }
 
 impl Notes {
@@ -62,6 +64,7 @@ impl Notes {
             end: None,
             reset: None,
             sum: 0,
+            flips: 0,
         }
     }
 
@@ -122,6 +125,7 @@ impl Board for Notes {
         count
     }
     fn flash(&mut self) -> &mut Mock {
+        self.sum += self.flips;
         &mut self.flash
     }
     fn reset_soon(&mut self, _now: Micros, reset: Reset) {
@@ -346,6 +350,25 @@ fn a_parameter_that_memory_has_changed_is_not_stored() {
     bench.board.packets = vec![crate::telemetry::tests::save()];
     bench.board.sum += 1;
     bench.turns(vec![Event::Missed, Event::Nothing]);
+    assert!(bench.board.take().contains(&Asked::Stop(SelfCheck::Memory)));
+}
+
+#[test]
+fn settings_that_change_while_flash_is_written_for_a_save_are_noticed() {
+    let mut bench = Bench::new();
+    bench.board.open = true;
+    bench.board.packets = vec![crate::telemetry::tests::save()];
+    bench.board.bus = Bus::Busy;
+    bench.turns(vec![Event::Missed]);
+    assert!(bench.telemetry.is_saving());
+    (bench.board.bus, bench.board.flips) = (Bus::Free, 1);
+    bench.board.packets.clear();
+    bench.board.take();
+    bench.turns(vec![Event::Missed]);
+    assert_eq!(bench.board.sum, 1, "a piece is done");
+    bench.board.flips = 0;
+    assert!(!bench.board.take().contains(&Asked::Stop(SelfCheck::Memory)));
+    bench.turns(vec![Event::Missed]);
     assert!(bench.board.take().contains(&Asked::Stop(SelfCheck::Memory)));
 }
 

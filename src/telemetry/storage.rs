@@ -38,6 +38,11 @@ impl Telemetry {
         self.storage.is_some()
     }
 
+    /// Whether it is to save, which leaves the flight as it is.
+    pub fn is_saving(&self) -> bool {
+        matches!(self.storage, Some((StorageOrder::Save, _)))
+    }
+
     /// Notes the order; [`Telemetry::serve_storage`] obeys it.
     pub(super) fn order_storage(&mut self, param1: f32, flight: &Flight) {
         match StorageOrder::decode(param1) {
