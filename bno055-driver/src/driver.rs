@@ -192,13 +192,17 @@ impl Driver {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return Err(self.cause());
         };
+        let behind_failure = sampling.silent_since.is_some();
         // Rates of -1 on all axes come every few seconds at rest, but not behind a lost burst.
-        let chance = match sampling.silent_since {
-            None => sample::RATES.into(),
-            Some(_) => 0,
+        let chance = match behind_failure {
+            false => sample::RATES.into(),
+            true => 0,
         };
         let judged = match received(outcome, chance) {
-            Ok(bytes) => sampling.inspector.judge(&self.config, time, bytes),
+            Ok(bytes) => {
+                let inspector = &mut sampling.inspector;
+                inspector.judge(&self.config, time, bytes, behind_failure)
+            }
             Err(fault) => return self.no_data(time, fault),
         };
         let Ok(Judged {

@@ -13,7 +13,9 @@
 //!
 //! Rates that jump are held for one burst: the sample has the rates before, as if the gyroscope
 //! had not been refreshed, and the next burst shows whether the jump was real. A rate of -1 from
-//! afar is held, too, since 0xFFFF is what a data line reads that nobody drives.
+//! afar is held, too, since 0xFFFF is what a data line reads that nobody drives. Behind a transfer
+//! that failed on the bus a smaller jump is held: what disturbed the bus then may go on, and a line
+//! that is pulled low while the sensor sends makes zeros, which no other rule sees.
 //!
 //! A wrong bit in the midst of a word cannot be told from a motion. Bursts that show what is rare
 //! in a sound one are [suspect](Evidence::Suspect), and the driver sets a chip up anew that gives
@@ -29,7 +31,7 @@ use tvc_imu::{Micros, RawSample, SensorFault};
 
 /// A burst is compared with the last good one only up to this age; after a longer gap anything may
 /// have happened.
-pub const STEP_AGE_US: u64 = 35_000;
+pub const STEP_AGE_US: u64 = 65_000;
 
 /// Shortest time for which words stand still before their sensor counts as dead, us, and the same
 /// at 12 Hz bandwidth. There the gyroscope's noise is one count, and one refresh in 23 has the
@@ -41,6 +43,8 @@ const QUIET_STILL_US: u32 = 90_000;
 /// Rates that move by more than this from one burst to the next are held: 250 deg/s, about the
 /// same counts in all units. Fast hands change a rate by 300 deg/s within a refresh of 10 ms.
 const RATE_JUMP: u16 = 4_000;
+/// The same behind a transfer that failed: 16 deg/s.
+const DISTURBED_JUMP: u16 = 256;
 
 /// How near a sensor's last good words were to 0 or -1 where such words are what it measured, for
 /// accelerometer, magnetometer and gyroscope: 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (about the same
@@ -97,12 +101,14 @@ impl Inspector {
         self.good.is_some()
     }
 
-    /// The sample in a burst, or the fault of the first rule that the burst breaks.
+    /// The sample in a burst, or the fault of the first rule that the burst breaks. `behind_failure`
+    /// says that the transfer before it failed on the bus.
     pub(crate) fn judge(
         &mut self,
         config: &Config,
         time: Micros,
         bytes: &[u8],
+        behind_failure: bool,
     ) -> Result<Judged, SensorFault> {
         let whole = bytes.len() != usize::from(RATES) || rates_burst(config.mode).is_none();
         let now = if whole {
@@ -129,12 +135,17 @@ impl Inspector {
             mag,
             gyr,
         };
-        let is_confirmed = held.is_some_and(|held| !moved(&held, &sample.gyr, RATE_JUMP));
-        let mut is_suspect = held.is_some() && !is_confirmed;
+        let jump = if behind_failure {
+            DISTURBED_JUMP
+        } else {
+            RATE_JUMP
+        };
+        let is_confirmed = held.is_some_and(|held| !moved(&held, &sample.gyr, jump));
+        let mut is_suspect = held.is_some() && !is_confirmed && !behind_failure;
         if let Some(good) = good {
             let [acc, mag, gyr] = ones_from_afar(&good, &now);
             is_suspect |= acc || mag || gyr;
-            if !is_confirmed && (gyr || moved(&good.gyr(), &sample.gyr, RATE_JUMP)) {
+            if !is_confirmed && (gyr || moved(&good.gyr(), &sample.gyr, jump)) {
                 self.held = Some(sample.gyr);
                 sample.gyr = good.gyr();
             }

@@ -24,7 +24,7 @@ fn verdicts(config: &Config, bursts: &[[i16; 9]]) -> Vec<Option<SensorFault>> {
     (0..)
         .map(|tick| Micros(tick * 10_000))
         .zip(bursts)
-        .map(|(time, burst)| inspector.judge(config, time, &bytes(*burst)).err())
+        .map(|(time, burst)| inspector.judge(config, time, &bytes(*burst), false).err())
         .collect()
 }
 
@@ -35,7 +35,7 @@ fn verdict(burst: [i16; 9]) -> Option<SensorFault> {
 #[test]
 fn a_sample_by_hand() {
     let judged = Inspector::default()
-        .judge(&Config::default(), Micros(5), &bytes(REST))
+        .judge(&Config::default(), Micros(5), &bytes(REST), false)
         .unwrap();
     assert!(judged.fresh);
     let sample = judged.sample;
@@ -71,14 +71,14 @@ fn each_mode_reads_its_sensors_in_one_burst() {
         ..Config::default()
     };
     let judged = Inspector::default()
-        .judge(&config, Micros(0), &bytes(REST)[6..])
+        .judge(&config, Micros(0), &bytes(REST)[6..], false)
         .unwrap();
     assert_eq!(
         (judged.sample.acc, judged.sample.mag),
         ([0; 3], [320, -90, 640])
     );
     assert_eq!(
-        Inspector::default().judge(&config, Micros(0), &bytes(REST)),
+        Inspector::default().judge(&config, Micros(0), &bytes(REST), false),
         Err(SensorFault::Protocol)
     );
 }
@@ -144,9 +144,17 @@ fn a_sensor_does_not_vanish_in_one_refresh() {
     // After a gap the last value says nothing.
     let mut inspector = Inspector::default();
     let config = Config::default();
-    assert!(inspector.judge(&config, Micros(0), &bytes(turning)).is_ok());
+    assert!(
+        inspector
+            .judge(&config, Micros(0), &bytes(turning), false)
+            .is_ok()
+    );
     let later = Micros(STEP_AGE_US + 1);
-    assert!(inspector.judge(&config, later, &bytes(gone(6, 0))).is_ok());
+    assert!(
+        inspector
+            .judge(&config, later, &bytes(gone(6, 0)), false)
+            .is_ok()
+    );
 }
 
 /// Samples of bursts 10 ms apart, all of which are believed: the rates, and whether the burst is
@@ -157,13 +165,38 @@ fn believed(bursts: &[[i16; 9]]) -> Vec<([i16; 3], bool)> {
         .zip(bursts)
         .map(|(tick, burst)| {
             let time = Micros(tick * 10_000);
-            let judged = inspector.judge(&Config::default(), time, &bytes(*burst));
+            let judged = inspector.judge(&Config::default(), time, &bytes(*burst), false);
             let Judged {
                 sample, evidence, ..
             } = judged.unwrap();
             (sample.gyr, evidence == Evidence::Suspect)
         })
         .collect()
+}
+
+#[test]
+fn behind_a_failure_of_the_bus_rates_that_moved_a_little_are_held_until_they_are_confirmed() {
+    let (turning, low) = (with(&[(7, -1_582)]), with(&[(6, -256), (7, 0)]));
+    let rates = |burst: [i16; 9]| [burst[6], burst[7], burst[8]];
+    let mut inspector = Inspector::default();
+    let mut judge = |ms: u64, burst: [i16; 9], behind_failure| {
+        let config = Config::default();
+        let judged = inspector.judge(&config, Micros(1_000 * ms), &bytes(burst), behind_failure);
+        let judged = judged.unwrap();
+        assert_eq!(judged.evidence, Evidence::Sound);
+        judged.sample.gyr
+    };
+    assert_eq!(judge(0, turning, false), rates(turning));
+    assert_eq!(judge(20, low, true), rates(turning));
+    // Zeros again, from a line that is pulled low: they do not confirm each other.
+    let low_again = with(&[(6, 244), (7, 32)]);
+    assert_eq!(judge(80, low_again, true), rates(turning));
+    assert_eq!(judge(87, turning, false), rates(turning));
+    // A true change is believed one burst later, at once where no transfer failed.
+    let slower = with(&[(7, -1_200)]);
+    assert_eq!(judge(100, slower, true), rates(turning));
+    assert_eq!(judge(107, slower, true), rates(slower));
+    assert_eq!(judge(114, turning, false), rates(turning));
 }
 
 /// Whether bursts are suspect.
@@ -239,7 +272,7 @@ fn dead_after_us(config: &Config, period_us: u64, died_us: u64) -> Option<u64> {
         .find(|&time| {
             let refresh = time.min(died_us) / period_us;
             let burst = with(&[(0, (time % 7) as i16), (7, (refresh % 5) as i16)]);
-            let judged = inspector.judge(config, Micros(time), &bytes(burst));
+            let judged = inspector.judge(config, Micros(time), &bytes(burst), false);
             assert!(matches!(judged, Ok(_) | Err(SensorFault::Frozen)));
             judged.is_err()
         })
@@ -354,7 +387,7 @@ fn rates_alone_come_with_the_other_words_of_the_good_burst_before() {
     let mut inspector = Inspector::default();
     let config = Config::default();
     let judge = |inspector: &mut Inspector, tick: u64, bytes: &[u8]| {
-        inspector.judge(&config, Micros(tick * 6_667), bytes)
+        inspector.judge(&config, Micros(tick * 6_667), bytes, false)
     };
     // There is nothing yet to judge them by.
     let first = judge(&mut inspector, 0, &rates(REST));
@@ -392,10 +425,14 @@ fn rates_alone_are_judged_as_those_of_a_whole_burst() {
     for (before, [x, y, z], fault) in cases {
         let mut inspector = Inspector::default();
         let config = Config::default();
-        assert!(inspector.judge(&config, Micros(0), &bytes(before)).is_ok());
+        assert!(
+            inspector
+                .judge(&config, Micros(0), &bytes(before), false)
+                .is_ok()
+        );
         let mut after = before;
         (after[6], after[7], after[8]) = (x, y, z);
-        let judged = inspector.judge(&config, Micros(6_667), &rates(after));
+        let judged = inspector.judge(&config, Micros(6_667), &rates(after), false);
         assert_eq!(judged, Err(fault), "{after:?}");
     }
 }

@@ -209,7 +209,7 @@ impl Startup {
                 self.live = 0;
                 await_running(bytes, config)
             }
-            Step::AwaitData => match self.inspector.judge(config, now, bytes) {
+            Step::AwaitData => match self.inspector.judge(config, now, bytes, false) {
                 // The second fresh burst shows that the data move.
                 Ok(judged) if judged.fresh && self.live >= 1 => Verdict::Reached,
                 Ok(judged) => {
