@@ -28,6 +28,10 @@ const BUSY_TURN_US: u64 = 1_000;
 /// The loop turns this often at least, us: the host's port looks after itself now and then.
 const IDLE_TURN_US: u64 = 10_000;
 
+/// Steps from one piece of a save to the next: the processor stands still for a piece, which may
+/// cost a sample, and the self-test asks for 95 of the 150 that come in a second.
+const SAVE_STEPS: u8 = 4;
+
 /// What the main loop wakes up for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
@@ -159,9 +163,9 @@ pub struct Application<'a, S> {
     recorder: &'a mut Recorder,
     port_open: bool,
     guard: Guard,
-    /// A piece of a save may be done: a step has been taken since the last, with a sample where the
-    /// sensor gives any.
-    may_save: bool,
+    /// Steps until the next piece of a save, the last of them with a sample where the sensor gives
+    /// any.
+    steps_to_save: u8,
 }
 
 impl<'a, S: Imu> Application<'a, S> {
@@ -179,7 +183,7 @@ impl<'a, S: Imu> Application<'a, S> {
             recorder,
             port_open: false,
             guard: Guard::default(),
-            may_save: false,
+            steps_to_save: 1,
         }
     }
 
@@ -219,7 +223,8 @@ impl<'a, S: Imu> Application<'a, S> {
     /// Estimate, act, send the pulses, and look after the rest.
     #[inline(never)]
     fn step(&mut self, now: Micros, reading: Result<Sample, SensorFault>, board: &mut impl Board) {
-        self.may_save = reading.is_ok() || !self.sensor.is_sampling();
+        let is_lost = reading.is_err() && self.sensor.is_sampling();
+        self.steps_to_save = self.steps_to_save.saturating_sub(1).max(is_lost.into());
         board.step_begins();
         self.open_state(board);
         self.flight.carried_tick(board.carried_tick());
@@ -330,7 +335,7 @@ impl<'a, S: Imu> Application<'a, S> {
 
     /// A piece of a save is to be done, and may be done now.
     fn has_piece_to_save(&self) -> bool {
-        self.may_save && self.telemetry.has_storage_order()
+        self.steps_to_save == 0 && self.telemetry.has_storage_order()
     }
 
     fn step_end(&self, now: Micros, snapshot: &Snapshot) -> StepEnd {
@@ -377,7 +382,7 @@ impl<'a, S: Imu> Application<'a, S> {
         }
         // The processor stands still while it writes flash: a burst under way would be cut in two.
         if self.has_piece_to_save() && matches!(board.bus(), Bus::Free | Bus::Broken) {
-            self.may_save = false;
+            self.steps_to_save = SAVE_STEPS;
             // What a flipped bit has made of the parameters is not to be stored. A save only reads
             // them: their sum stays, for a bit may flip while the flash is written.
             if self.telemetry.is_saving() {

@@ -55,7 +55,7 @@ pub(super) struct Vehicle {
     pub(super) world: World,
     pub(super) now: Micros,
     port_open: bool,
-    may_save: bool,
+    steps_to_save: u8,
     pub(super) said: Vec<Said>,
     pub(super) truth: Truth,
     /// Commands that are noted and not answered yet.
@@ -103,7 +103,7 @@ pub(super) struct Key {
     watched: Vec<u32>,
     stored: (u8, bool),
     owed: BTreeSet<u16>,
-    storing: Option<(Ordered, usize)>,
+    storing: Option<(Ordered, usize, u8)>,
     reset: bool,
     port: u8,
     tilt: i32,
@@ -132,7 +132,7 @@ impl Vehicle {
             // Not at zero, which the flight's memory takes for never.
             now: Micros(1_000_000),
             port_open: false,
-            may_save: false,
+            steps_to_save: 1,
             said: Vec::new(),
             truth: Truth {
                 good_run: 0,
@@ -234,7 +234,9 @@ impl Vehicle {
                 stored == params,
             ),
             owed: self.owed.clone(),
-            storing: self.storing.map(|order| (order, self.written())),
+            storing: self
+                .storing
+                .map(|order| (order, self.written(), self.steps_to_save)),
             reset: self.world.reset_at.is_some(),
             port: match self.world.port {
                 Port::Absent => 0,
@@ -254,9 +256,9 @@ impl Vehicle {
             &mut self.telemetry,
             &mut self.recorder,
         );
-        (application.port_open, application.may_save) = (self.port_open, self.may_save);
+        (application.port_open, application.steps_to_save) = (self.port_open, self.steps_to_save);
         application.turn(self.now, event, &mut self.world);
-        (self.port_open, self.may_save) = (application.port_open, application.may_save);
+        (self.port_open, self.steps_to_save) = (application.port_open, application.steps_to_save);
         if was_open != self.port_open {
             // A new listener is owed nothing.
             self.owed.clear();
