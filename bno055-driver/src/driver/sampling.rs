@@ -16,8 +16,9 @@ const WRONG_WEIGHT: u8 = 4;
 const SUSPECT_WEIGHT: u8 = 3;
 /// At this level of the bucket the chip is set up anew: the good samples are not to be believed
 /// either, because flipped bits that are too small to be noticed come with those that are. Three
-/// bad samples reach it if at most two good ones lie between them, and four suspect bursts.
-const UNRELIABLE_MAX: u8 = 10;
+/// bad samples reach it if at most three good ones lie between them, and so do four suspect bursts,
+/// or three in a row.
+const UNRELIABLE_MAX: u8 = 9;
 
 /// What the driver keeps while the chip samples.
 #[derive(Clone, Debug, Default)]
