@@ -29,9 +29,11 @@ pub(crate) fn start(
 ) -> Option<Clocks> {
     let mut controller = GenericClockController::with_internal_32kosc(gclk, pm, sysctrl, nvmctrl);
     let main = controller.gclk0();
-    // The watchdog's own oscillator runs whatever becomes of the others: 32,768 Hz / 32.
+    // The watchdog's own oscillator runs whatever becomes of the others: 32,768 Hz / 32. One
+    // flipped bit of the generator's number gives none that runs fast, such as 0, by which the
+    // watchdog would reset the chip at once.
     let slow = controller.configure_gclk_divider_and_source(
-        ClockGenId::Gclk4,
+        ClockGenId::Gclk6,
         32,
         ClockSource::Osculp32k,
         false,

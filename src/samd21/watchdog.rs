@@ -17,7 +17,7 @@ use atsamd_hal::pac::interrupt;
 use tvc_imu::Micros;
 use tvc_nano::watchdog::Work;
 
-use super::registers::restore_processor;
+use super::registers::restore_clocks;
 use super::time::{now, within};
 use super::{crash, frame, stack};
 
@@ -132,7 +132,8 @@ fn WDT() {
     if !has_warned() {
         GRACE.store(GRACE_MS + 1, Ordering::Relaxed);
     }
-    // A divided clock makes the program late and its pulses long.
-    restore_processor();
+    // A clock that is divided otherwise makes the program late and its pulses long, or the watchdog
+    // early.
+    restore_clocks();
     frame::force_neutral();
 }
