@@ -107,14 +107,6 @@ mod busy {
     pub(super) const ENABLE: usize = 1;
     pub(super) const CTRLB: usize = 2;
     pub(super) const COUNT: usize = 4;
-    pub(super) const PATT: usize = 5;
-    pub(super) const WAVE: usize = 6;
-    pub(super) const PER: usize = 7;
-    pub(super) const CC0: usize = 8;
-    pub(super) const PATTB: usize = 16;
-    pub(super) const WAVEB: usize = 17;
-    pub(super) const PERB: usize = 18;
-    pub(super) const CCB0: usize = 19;
 }
 
 /// WAVE: WAVEGEN, RAMP, CIPEREN, CICCENx, POLx, SWAPx.
@@ -305,10 +297,5 @@ impl Tcc {
 
     fn name(&self) -> &'static str {
         entry(Block::Tcc(self.index)).name
-    }
-
-    fn channel(&self, offset: u32, base: u32) -> Result<usize, Refusal> {
-        let channel = ((offset - base) / 4) as usize;
-        (channel < self.channels).then_some(channel).ok_or(RESERVED)
     }
 }

@@ -2,13 +2,34 @@
 
 use super::{
     BUFFERS, Bus, CCBV0, CPTENX, CTRLA_MODELLED, DIR, DONE, ENABLE, FAULT0, FAULT1, FAULTS, FLAGS,
-    IDXCMD, LUPD, Lanes, ONESHOT, PATTBV, PERBV, RESERVED, Read, Refusal, STATUS_STOP, SWRST, Tcc,
-    WAVE_MODELLED, WAVEBV, WEXCTRL_MODELLED, Write, busy,
+    IDXCMD, LUPD, Lanes, ONESHOT, PATTBV, RESERVED, Read, Refusal, STATUS_STOP, SWRST, Tcc,
+    WAVE_MODELLED, WEXCTRL_MODELLED, Write, busy,
 };
 use crate::board::Ticks;
 
 impl Tcc {
-    pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
+    /// The registers that keep what they are given: where, and which of their bits exist.
+    pub(super) fn stored(&mut self, offset: u32) -> Option<(&mut u32, u32)> {
+        let index = |first: u32| ((offset - first) / 4) as usize;
+        Some(match offset {
+            0x0C | 0x10 => (&mut self.fctrl[index(0x0C)], 0x0FFF_7FFB),
+            0x14 => (&mut self.extension.wexctrl, WEXCTRL_MODELLED),
+            0x18 => (&mut self.extension.drvctrl, u32::MAX),
+            0x1C => (&mut self.dbgctrl, 0x5_0000),
+            0x20 => (&mut self.evctrl, 0x0F0F_F7FF),
+            0x38 => (&mut self.extension.patt, 0xFFFF),
+            0x3C => (&mut self.wave, WAVE_MODELLED),
+            0x40 => (&mut self.per, self.max),
+            0x44..=0x50 => (self.cc[..self.channels].get_mut(index(0x44))?, self.max),
+            0x64 => (&mut self.extension.pattb, 0xFFFF),
+            0x68 => (&mut self.waveb, WAVE_MODELLED),
+            0x6C => (&mut self.perb, self.max),
+            0x70..=0x7C => (self.ccb[..self.channels].get_mut(index(0x70))?, self.max),
+            _ => return None,
+        })
+    }
+
+    pub(crate) fn read(&mut self, now: Ticks, offset: u32) -> Read {
         Ok(match offset {
             0x00 => self.ctrla | u32::from(self.sync.is_busy(now, busy::SWRST)),
             0x04 => {
@@ -20,12 +41,6 @@ impl Tcc {
                 u32::from(self.ctrlb | command) * 0x0101
             }
             0x08 => self.sync.bits(now),
-            0x0C => self.fctrl[0],
-            0x10 => self.fctrl[1],
-            0x14 => self.extension.wexctrl,
-            0x18 => self.extension.drvctrl,
-            0x1C => self.dbgctrl,
-            0x20 => self.evctrl,
             0x24 | 0x28 | 0x2C => self.interrupts.read_words(offset - 0x24),
             0x30 => self.read_status(),
             0x34 => {
@@ -33,15 +48,7 @@ impl Tcc {
                 let count = if now >= from { count } else { self.count_read };
                 count << self.dither_bits()
             }
-            0x38 => self.extension.patt,
-            0x3C => self.wave,
-            0x40 => self.per,
-            0x44..=0x50 => self.cc[self.channel(offset, 0x44)?],
-            0x64 => self.extension.pattb,
-            0x68 => self.waveb,
-            0x6C => self.perb,
-            0x70..=0x7C => self.ccb[self.channel(offset, 0x70)?],
-            _ => return Err(RESERVED),
+            _ => *self.stored(offset).ok_or(RESERVED)?.0,
         })
     }
 
@@ -84,21 +91,6 @@ impl Tcc {
                     return Err(Refusal::Unmodelled(what));
                 }
             }
-            0x14 => {
-                let wexctrl = lanes.merge(self.extension.wexctrl);
-                if wexctrl & !WEXCTRL_MODELLED != 0 {
-                    return Err(Refusal::Unmodelled("this bit of WEXCTRL"));
-                }
-                if self.is_open(bus) {
-                    self.extension.wexctrl = wexctrl;
-                }
-            }
-            0x18 => {
-                if self.is_open(bus) {
-                    self.extension.drvctrl = lanes.merge(self.extension.drvctrl);
-                }
-            }
-            0x1C => self.dbgctrl = lanes.merge(self.dbgctrl) & 0x5_0000,
             0x28 if lanes.bits() & !(FLAGS & !FAULTS) != 0 => {
                 return Err(Refusal::Unmodelled("this bit of INTENSET"));
             }
@@ -120,54 +112,50 @@ impl Tcc {
                     self.resume(now);
                 }
             }
-            0x38 => {
-                if self.synchronise(bus, busy::PATT) {
-                    self.extension.patt = lanes.merge(self.extension.patt) & 0xFFFF;
-                }
-            }
-            0x64 => {
-                if self.synchronise(bus, busy::PATTB) {
-                    self.extension.pattb = lanes.merge(self.extension.pattb) & 0xFFFF;
-                    self.status |= PATTBV;
-                }
-            }
-            0x3C | 0x68 => return self.write_wave(bus, offset, lanes),
-            0x40 => {
-                if self.synchronise(bus, busy::PER) {
-                    self.per = lanes.merge(self.per) & self.max;
-                    self.schedule(now);
-                }
-            }
-            0x44..=0x50 => {
-                let channel = self.channel(offset, 0x44)?;
-                if self.synchronise(bus, busy::CC0 + channel) {
-                    self.cc[channel] = lanes.merge(self.cc[channel]) & self.max;
-                    self.schedule(now);
-                    self.tell(bus, channel, self.cc[channel]);
-                }
-            }
-            0x6C => {
-                if self.synchronise(bus, busy::PERB) {
-                    self.perb = lanes.merge(self.perb) & self.max;
-                    self.status |= PERBV;
-                }
-            }
-            0x70..=0x7C => {
-                let channel = self.channel(offset, 0x70)?;
-                if self.synchronise(bus, busy::CCB0 + channel) {
-                    self.ccb[channel] = lanes.merge(self.ccb[channel]) & self.max;
-                    self.status |= CCBV0 << channel;
-                    self.tell(bus, channel, self.ccb[channel]);
-                }
-            }
-            _ => return Err(RESERVED),
+            _ => return self.write_stored(bus, offset, lanes),
         }
         DONE
     }
 
-    fn tell(&self, bus: &mut Bus<'_>, channel: usize, count: u32) {
-        let (tcc, channel) = (self.index as u8, channel as u8);
-        bus.board.compare(bus.now, tcc, channel, count);
+    /// WEXCTRL and DRVCTRL are enable-protected; those from PATT on are synchronised.
+    fn write_stored(&mut self, bus: &mut Bus<'_>, offset: u32, lanes: Lanes) -> Write {
+        let (register, bits) = self.stored(offset).ok_or(RESERVED)?;
+        let value = lanes.merge(*register);
+        let has_others = value & !bits != 0;
+        match offset {
+            0x14 if has_others => return Err(Refusal::Unmodelled("this bit of WEXCTRL")),
+            0x3C | 0x68 if has_others || value & 7 == 3 || value & 0x30 == 0x30 => {
+                return Err(Refusal::Unmodelled("a reserved value of WAVE"));
+            }
+            _ => {}
+        }
+        let is_taken = match offset {
+            0x14 | 0x18 => self.is_open(bus),
+            0x1C => true,
+            _ => self.synchronise(bus, ((offset - 0x24) / 4) as usize),
+        };
+        if is_taken && let Some((register, bits)) = self.stored(offset) {
+            *register = value & bits;
+            self.take_over(bus, offset, value & bits);
+        }
+        DONE
+    }
+
+    /// A register has its new value.
+    fn take_over(&mut self, bus: &mut Bus<'_>, offset: u32, value: u32) {
+        let first = if offset < 0x70 { 0x44 } else { 0x70 };
+        let channel = offset.saturating_sub(first) / 4;
+        match offset {
+            0x3C => self.turn(bus.now),
+            0x40..=0x50 => self.schedule(bus.now),
+            0x64..=0x6C => self.status |= PATTBV << ((offset - 0x64) / 4),
+            0x70..=0x7C => self.status |= CCBV0 << channel,
+            _ => {}
+        }
+        if matches!(offset, 0x44..=0x50 | 0x70..=0x7C) {
+            let (tcc, channel) = (self.index as u8, channel as u8);
+            bus.board.compare(bus.now, tcc, channel, value);
+        }
     }
 
     /// Whether this timer has the register (table 31-1): of WEXCTRL and PATT, TCC0 has both and
@@ -178,28 +166,6 @@ impl Tcc {
             0x38 | 0x64 => self.index < 2,
             _ => true,
         }
-    }
-
-    fn write_wave(&mut self, bus: &mut Bus<'_>, offset: u32, lanes: Lanes) -> Write {
-        let (register, bit) = match offset {
-            0x3C => (&mut self.wave, busy::WAVE),
-            _ => (&mut self.waveb, busy::WAVEB),
-        };
-        let value = lanes.merge(*register);
-        let is_reserved = value & 7 == 3 || value & 0x30 == 0x30;
-        if value & !WAVE_MODELLED != 0 || is_reserved {
-            return Err(Refusal::Unmodelled("a reserved value of WAVE"));
-        }
-        if self.synchronise(bus, bit) {
-            if offset == 0x3C {
-                self.wave = value;
-                self.turn(bus.now);
-            } else {
-                self.waveb = value;
-                self.status |= WAVEBV;
-            }
-        }
-        DONE
     }
 
     /// Whether an enable-protected register may be written.

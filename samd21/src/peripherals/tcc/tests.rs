@@ -52,7 +52,7 @@ impl Rig {
         self.try_write(now, 0x04, Lanes::new(set, 1, 1)).unwrap();
     }
 
-    fn read(&self, now: u64, offset: u32) -> u32 {
+    fn read(&mut self, now: u64, offset: u32) -> u32 {
         self.tcc.read(Ticks(now), offset).unwrap()
     }
 
