@@ -16,7 +16,7 @@ pub(crate) struct Bus<'a> {
 impl Bus<'_> {
     /// The earliest time at which a peripheral or the USB host acts by itself.
     pub(crate) fn next_event(&self) -> Ticks {
-        self.peripherals.next_event().min(self.usb_host.next())
+        self.peripherals.next.min(self.usb_host.next())
     }
 
     /// Runs everything that is due up to `now`, in the order of time. Of what is due at the same
@@ -27,20 +27,20 @@ impl Bus<'_> {
             let at = self.peripherals.run(due, self.board);
             if self.usb_host.next() <= at {
                 self.settle(at);
-                let usb = self.peripherals.usb();
+                let usb = &mut self.peripherals.usb;
                 if self.usb_host.advance(at, usb, self.memory) {
                     self.peripherals.start_of_frame(at);
                 }
             }
             self.peripherals.refresh(at);
-            self.usb_host.observe(at, self.peripherals.usb());
+            self.usb_host.observe(at, &self.peripherals.usb);
         }
-        self.peripherals.set_time(now);
+        self.peripherals.last = now;
     }
 
     /// Has the USB host do what it has left out up to `now`.
     pub(crate) fn settle(&mut self, now: Ticks) {
-        let usb = self.peripherals.usb();
+        let usb = &mut self.peripherals.usb;
         self.usb_host.settle(now, usb, self.memory);
     }
 
@@ -70,7 +70,7 @@ impl Bus<'_> {
         let stall = self
             .peripherals
             .write(now, addr, width, value, self.memory, self.board)?;
-        self.usb_host.observe(now, self.peripherals.usb());
+        self.usb_host.observe(now, &self.peripherals.usb);
         Ok(stall)
     }
 }

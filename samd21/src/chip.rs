@@ -18,9 +18,9 @@ use crate::usb_host::Host;
 /// An ATSAMD21 with 256 KB of flash and 32 KB of SRAM.
 #[derive(Clone)]
 pub struct Chip {
-    core: Core,
+    pub(crate) core: Core,
     memory: Memory,
-    peripherals: Peripherals,
+    pub(crate) peripherals: Peripherals,
     usb_host: Host,
 }
 
@@ -29,7 +29,7 @@ impl Chip {
     pub fn new(options: Options) -> Self {
         let peripherals = Peripherals::new(&options);
         Self {
-            core: Core::new(&options, peripherals.cycle()),
+            core: Core::new(&options, peripherals.cycle),
             memory: Memory::new(options.seed),
             peripherals,
             usb_host: Host::of(options.host),
@@ -95,7 +95,7 @@ impl Chip {
         self.peripherals
             .reset(self.core.now(), cause, &mut self.memory);
         self.usb_host
-            .observe(self.core.now(), self.peripherals.usb());
+            .observe(self.core.now(), &self.peripherals.usb);
     }
 
     /// Counts cycles by address from now on. The chip does the same as without, more slowly.
@@ -194,14 +194,6 @@ impl Chip {
     pub fn peek(&mut self, address: u32, board: &mut dyn Board) -> Option<u32> {
         let now = self.now();
         self.peripherals.read(now, address, Width::Word, board).ok()
-    }
-
-    pub(crate) fn core_mut(&mut self) -> &mut Core {
-        &mut self.core
-    }
-
-    pub(crate) fn peripherals_mut(&mut self) -> &mut Peripherals {
-        &mut self.peripherals
     }
 
     /// The peripherals.

@@ -37,28 +37,28 @@ impl Chip {
     pub fn flip_register(&mut self, address: u32, bit: u8, board: &mut dyn Board) -> bool {
         let now = self.now();
         if address >> 28 == 0xE {
-            return self.core_mut().flip_register(address, bit);
+            return self.core.flip_register(address, bit);
         }
-        self.peripherals_mut().flip(now, address, bit, board)
+        self.peripherals.flip(now, address, bit, board)
     }
 
     /// Holds an interrupt line of the NVIC at a level, or lets go of it.
     pub fn stick_interrupt(&mut self, line: u8, level: Option<bool>) {
-        self.core_mut().stick_line(line, level);
+        self.core.stick_line(line, level);
     }
 
     /// Stops the DFLL, and with it whatever it clocks, the CPU too if that is so; or starts it
     /// again.
     pub fn stop_dfll(&mut self, stopped: bool) {
         let now = self.now();
-        self.peripherals_mut()
+        self.peripherals
             .disturb(now, |sysctrl| sysctrl.stop_dfll(stopped));
     }
 
     /// Moves the DFLL's frequency by a relative error, ppm, beside what it has already.
     pub fn shift_dfll(&mut self, ppm: f64) {
         let now = self.now();
-        self.peripherals_mut()
+        self.peripherals
             .disturb(now, |sysctrl| sysctrl.shift_dfll(ppm));
     }
 
@@ -66,7 +66,7 @@ impl Chip {
     pub fn set_slow_oscillator(&mut self, hz: f64) {
         let now = self.now();
         let hz = hz.round().max(1.0) as u32;
-        self.peripherals_mut().set_slow_oscillator(now, hz);
+        self.peripherals.set_slow_oscillator(now, hz);
     }
 
     /// Whether the CPU has no clock.
@@ -94,7 +94,7 @@ mod tests {
         let mut bench = Bench::with(&Options::default(), Unconnected);
         bench.start_clocks();
         let mut chip = Chip::new(Options::default());
-        *chip.peripherals_mut() = bench.peripherals;
+        chip.peripherals = bench.peripherals;
         // Stack pointer and entry point; ADDS R0, #1; B back.
         chip.load_flash(0, &[0, 0x80, 0, 0x20, 9, 0, 0, 0, 1, 0x30, 0xFD, 0xE7]);
         chip.boot(0);

@@ -16,11 +16,10 @@
 use super::{Core, FLASH_LINES, Outcome, Trap, parts};
 use crate::bus::Bus;
 use crate::fault::FaultKind;
-use crate::memory::{FLASH_SIZE, RAM_BASE, RAM_SIZE};
+use crate::memory::{RAM_BASE, RAM_SIZE};
 use crate::peripherals::{BusError, Refusal, Width};
 
 pub(super) type Ram = [u8; RAM_SIZE as usize];
-pub(super) type Flash = [u8; FLASH_SIZE as usize];
 
 impl Core {
     /// The half-word at `pc`.
@@ -146,24 +145,14 @@ pub(super) fn word(bytes: &[u8]) -> u32 {
     u32::from_le_bytes(word)
 }
 
-/// `N` bytes at offset `at` of the SRAM, if they are aligned and lie in it.
+/// `N` bytes at offset `at` of a memory, if they are aligned and lie in it.
 #[inline(always)]
-pub(super) fn read<const N: usize>(ram: &Ram, at: u32) -> Option<u32> {
+pub(super) fn read<const N: usize, const SIZE: usize>(memory: &[u8; SIZE], at: u32) -> Option<u32> {
     let at = at as usize;
     if !at.is_multiple_of(N) {
         return None;
     }
-    ram.get(at..at + N).map(word)
-}
-
-/// `N` bytes at `address` of the flash, if they are aligned and lie in it.
-#[inline(always)]
-pub(super) fn read_flash<const N: usize>(flash: &Flash, address: u32) -> Option<u32> {
-    let at = address as usize;
-    if !at.is_multiple_of(N) {
-        return None;
-    }
-    flash.get(at..at + N).map(word)
+    memory.get(at..at + N).map(word)
 }
 
 /// Writes the low `N` bytes of `value` at offset `at` of the SRAM; whether that can be.

@@ -6,7 +6,7 @@
 
 use std::ops::Deref;
 
-use super::access::{Ram, block, read, read_flash, word, write};
+use super::access::{Ram, block, read, word, write};
 use super::decode::{Code, Instruction, Operation};
 use super::flags::{CONDITIONS, RULES};
 use super::transfer::bits;
@@ -60,8 +60,8 @@ impl Source for FromRam {
 
     fn at(_: &Code, ram: &Ram, pc: u32) -> Option<Decoded> {
         let at = pc.wrapping_sub(RAM_BASE);
-        let op = read::<2>(ram, at)?;
-        let second = read::<2>(ram, at.wrapping_add(2)).unwrap_or(0);
+        let op = read::<2, _>(ram, at)?;
+        let second = read::<2, _>(ram, at.wrapping_add(2)).unwrap_or(0);
         Some(Decoded(Instruction::decode(pc, op as u16, second as u16)))
     }
 }
@@ -171,9 +171,9 @@ impl Core {
         macro_rules! load {
             ($n:literal, $address:expr) => {{
                 let address = $address;
-                if let Some(value) = read::<$n>(ram, address.wrapping_sub(RAM_BASE)) {
+                if let Some(value) = read::<$n, _>(ram, address.wrapping_sub(RAM_BASE)) {
                     value
-                } else if let Some(value) = read_flash::<$n>(flash, address) {
+                } else if let Some(value) = read::<$n, _>(flash, address) {
                     if misses!(address) {
                         line = NO_LINE;
                     }

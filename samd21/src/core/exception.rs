@@ -7,6 +7,7 @@
 //! unpredictable (an EXC_RETURN that fits neither nesting nor stacked xPSR) raises HardFault.
 
 use super::nvic::{HARD_FAULT, SVCALL};
+use super::system_control::SCR_SLEEPONEXIT;
 use super::view::Stop;
 use super::{Core, LR, Outcome, SP, Sleep, Trap};
 use crate::bus::Bus;
@@ -152,7 +153,7 @@ impl Core {
         let padding = if xpsr & XPSR_ALIGNED != 0 { 4 } else { 0 };
         self.set_sp(frame.wrapping_add(FRAME_BYTES) | padding);
         self.event = true;
-        if to_thread && self.sleep_on_exit {
+        if to_thread && self.scr & SCR_SLEEPONEXIT != 0 {
             self.sleep = Some(Sleep::ForInterrupt);
         }
         Ok(())

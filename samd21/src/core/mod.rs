@@ -103,9 +103,7 @@ pub(crate) struct Core {
     stuck_lines: (u32, u32),
     systick: SysTick,
     vtor: u32,
-    sleep_on_exit: bool,
-    deep_sleep: bool,
-    event_on_pend: bool,
+    scr: u32,
 
     /// The event register of WFE.
     event: bool,
@@ -199,9 +197,9 @@ impl Core {
         self.interwork(entry);
     }
 
-    /// Priorities of the exceptions, by number.
+    /// The priority of each exception.
     pub(crate) fn priorities(&self) -> [i8; EXCEPTIONS] {
-        self.nvic.priorities()
+        self.nvic.priorities
     }
 
     /// Runs until `until`, or until something stops the chip. The last instruction may end a few
@@ -315,7 +313,7 @@ impl Core {
     /// Brings peripherals, SysTick and interrupt lines to the core's time.
     fn catch_up(&mut self, bus: &mut Bus<'_>) {
         bus.advance(self.now());
-        let cycle = bus.peripherals.cycle();
+        let cycle = bus.peripherals.cycle;
         if cycle != self.cycle {
             self.counters = self.counters();
             self.cycles_counted_at = self.awake();
@@ -329,23 +327,18 @@ impl Core {
         if let Some(cause) = bus.peripherals.take_reset() {
             self.reset_request = Some(cause);
         }
-        let before = self.nvic.pending_mask();
+        let before = self.nvic.pending;
         let (high, low) = self.stuck_lines;
-        self.nvic
-            .sample((bus.peripherals.irq_lines() | high) & !low);
+        self.nvic.sample((bus.peripherals.irq_lines | high) & !low);
         if self.systick.advance(self.now, self.cycle) {
             self.nvic.pend(nvic::SYSTICK);
         }
-        if self.event_on_pend && self.nvic.pending_mask() & !before != 0 {
-            self.event = true;
-        }
+        self.note_pending(before);
     }
 
     /// When something next happens by itself, `until` at the latest.
     fn next_event(&self, bus: &Bus<'_>, until: u64) -> u64 {
-        until
-            .min(parts(bus.next_event()))
-            .min(self.systick.next_event())
+        until.min(parts(bus.next_event())).min(self.systick.zero_at)
     }
 
     fn sleep_until(&mut self, at: u64) {
@@ -490,11 +483,9 @@ impl Core {
                 self.systick.flip_control(mask, self.now, self.cycle);
             }
             SYST_RVR if bit < 24 => {
-                let reload = self.systick.reload() ^ mask;
-                self.systick.set_reload(reload);
+                self.systick.set_reload(self.systick.reload ^ mask);
             }
-            NVIC_ISER if self.nvic.enabled_irqs() & mask != 0 => self.nvic.disable_irqs(mask),
-            NVIC_ISER => self.nvic.enable_irqs(mask),
+            NVIC_ISER => self.nvic.enabled ^= nvic::exceptions(mask),
             NVIC_IPR..0xE000_E420 if address.is_multiple_of(4) && bit % 8 >= 6 => {
                 let first = nvic::IRQ0 + (address - NVIC_IPR) as u8;
                 let word = self.nvic.priority_word(first) ^ mask;

@@ -26,12 +26,12 @@ const SYSTEM: u64 = 1 << NMI | 1 << HARD_FAULT | 1 << SVCALL | 1 << PENDSV | 1 <
 /// The exception state; bit n of a mask is exception n.
 #[derive(Clone)]
 pub(super) struct Nvic {
-    pending: u64,
+    pub(super) pending: u64,
     active: u64,
-    enabled: u64,
+    pub(super) enabled: u64,
     lines: u32,
     /// 0 to 3; NMI -2, HardFault -1.
-    priorities: [i8; EXCEPTIONS],
+    pub(super) priorities: [i8; EXCEPTIONS],
 }
 
 impl Default for Nvic {
@@ -54,17 +54,13 @@ impl Nvic {
     /// Takes the level of the 32 interrupt lines.
     pub(super) fn sample(&mut self, lines: u32) {
         let rising = lines & !self.lines;
-        let idle = lines & !((self.active >> IRQ0) as u32);
+        let idle = lines & !irqs(self.active);
         self.lines = lines;
-        self.pending |= u64::from(rising | idle) << IRQ0;
+        self.pending |= exceptions(rising | idle);
     }
 
     pub(super) fn pend(&mut self, exception: u8) {
         self.pending |= 1 << exception;
-    }
-
-    pub(super) fn unpend(&mut self, exception: u8) {
-        self.pending &= !(1 << exception);
     }
 
     pub(super) fn is_pending(&self, exception: u8) -> bool {
@@ -113,43 +109,8 @@ impl Nvic {
         priority
     }
 
-    pub(super) fn priorities(&self) -> [i8; EXCEPTIONS] {
-        self.priorities
-    }
-
     pub(super) fn priority(&self, exception: u8) -> i8 {
         self.priorities[usize::from(exception) % EXCEPTIONS]
-    }
-
-    /// Interrupts that wait, enabled or not (bit n is interrupt n).
-    pub(super) fn pending_irqs(&self) -> u32 {
-        (self.pending >> IRQ0) as u32
-    }
-
-    /// Whether any interrupt, enabled or not, or PendSV or SysTick waits: what ICSR.ISRPENDING
-    /// and SEVONPEND look at.
-    pub(super) fn pending_mask(&self) -> u64 {
-        self.pending
-    }
-
-    pub(super) fn pend_irqs(&mut self, irqs: u32) {
-        self.pending |= u64::from(irqs) << IRQ0;
-    }
-
-    pub(super) fn unpend_irqs(&mut self, irqs: u32) {
-        self.pending &= !(u64::from(irqs) << IRQ0);
-    }
-
-    pub(super) fn enabled_irqs(&self) -> u32 {
-        (self.enabled >> IRQ0) as u32
-    }
-
-    pub(super) fn enable_irqs(&mut self, irqs: u32) {
-        self.enabled |= u64::from(irqs) << IRQ0;
-    }
-
-    pub(super) fn disable_irqs(&mut self, irqs: u32) {
-        self.enabled &= !(u64::from(irqs) << IRQ0);
     }
 
     /// Four priorities from exception `first` up as a priority register holds them: bits 7:6 of
@@ -177,6 +138,16 @@ impl Nvic {
     }
 }
 
+/// Interrupts (bit n is interrupt n) as a mask of exceptions.
+pub(super) fn exceptions(irqs: u32) -> u64 {
+    u64::from(irqs) << IRQ0
+}
+
+/// A mask of exceptions as the interrupts in it.
+pub(super) fn irqs(exceptions: u64) -> u32 {
+    (exceptions >> IRQ0) as u32
+}
+
 fn settable(exception: u8) -> bool {
     matches!(exception, SVCALL | PENDSV | SYSTICK) || exception >= IRQ0
 }
@@ -188,9 +159,9 @@ mod tests {
     #[test]
     fn the_lowest_number_of_the_highest_priority_goes_first() {
         let mut nvic = Nvic::default();
-        nvic.enable_irqs(0b111);
+        nvic.enabled |= exceptions(0b111);
         nvic.set_priority_word(IRQ0, 0x0040_4080);
-        nvic.pend_irqs(0b1111);
+        nvic.pending |= exceptions(0b1111);
         assert_eq!(
             nvic.first_pending(),
             Some((IRQ0 + 1, 1)),
@@ -210,10 +181,10 @@ mod tests {
         nvic.sample(1);
         nvic.activate(IRQ0);
         nvic.sample(1);
-        assert_eq!(nvic.pending_irqs(), 0);
+        assert_eq!(irqs(nvic.pending), 0);
         nvic.deactivate(IRQ0);
         nvic.sample(1);
-        assert_eq!(nvic.pending_irqs(), 1);
+        assert_eq!(irqs(nvic.pending), 1);
     }
 
     #[test]
@@ -224,7 +195,7 @@ mod tests {
         nvic.sample(0);
         nvic.sample(1);
         nvic.sample(0);
-        assert_eq!(nvic.pending_irqs(), 1);
+        assert_eq!(irqs(nvic.pending), 1);
     }
 
     #[test]

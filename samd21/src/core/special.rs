@@ -1,6 +1,7 @@
 //! Hints, the 32-bit encodings and the special registers.
 
 use super::decode::{bl_offset, is_barrier, is_bl};
+use super::system_control::SCR_SLEEPDEEP;
 use super::{Core, LR, Outcome, PC, SP, Sleep, Trap, undefined};
 use crate::bus::Bus;
 use crate::fault::FaultKind;
@@ -8,7 +9,7 @@ use crate::fault::FaultKind;
 impl Core {
     pub(super) fn hint(&mut self, op: u16) -> Outcome<u32> {
         match op {
-            0xBF20 | 0xBF30 if self.deep_sleep => {
+            0xBF20 | 0xBF30 if self.scr & SCR_SLEEPDEEP != 0 => {
                 return Err(Trap::Unmodelled(FaultKind::DeepSleep).into());
             }
             0xBF20 if self.event => self.event = false,

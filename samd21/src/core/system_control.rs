@@ -20,7 +20,8 @@
 //! Left out: SHCSR and DFSR, which only a debugger reaches; VECTCLRACTIVE, which belongs to halted
 //! debugging. Any other address, and any access that is not a word, stops the chip.
 
-use super::nvic::{IRQ0, NMI, PENDSV, SYSTICK};
+use super::nvic::{IRQ0, NMI, PENDSV, SYSTICK, exceptions, irqs};
+use super::systick::CALIBRATION;
 use super::{Core, Outcome, Trap};
 use crate::fault::FaultKind;
 use crate::peripherals::{ResetCause, Width};
@@ -35,16 +36,17 @@ const VECTKEY: u32 = 0x05FA;
 const AIRCR_READ: u32 = 0xFA05_0000;
 const SYSRESETREQ: u32 = 1 << 2;
 
-const ICSR_NMIPENDSET: u32 = 1 << 31;
-const ICSR_PENDSVSET: u32 = 1 << 28;
-const ICSR_PENDSVCLR: u32 = 1 << 27;
-const ICSR_PENDSTSET: u32 = 1 << 26;
-const ICSR_PENDSTCLR: u32 = 1 << 25;
+/// What ICSR pends, with the bits that set and clear it.
+const PENDABLE: [(u8, u32, u32); 3] = [
+    (NMI, 1 << 31, 0),
+    (PENDSV, 1 << 28, 1 << 27),
+    (SYSTICK, 1 << 26, 1 << 25),
+];
 const ICSR_ISRPENDING: u32 = 1 << 22;
 
-const SCR_SLEEPONEXIT: u32 = 1 << 1;
-const SCR_SLEEPDEEP: u32 = 1 << 2;
-const SCR_SEVONPEND: u32 = 1 << 4;
+pub(super) const SCR_SLEEPONEXIT: u32 = 1 << 1;
+pub(super) const SCR_SLEEPDEEP: u32 = 1 << 2;
+pub(super) const SCR_SEVONPEND: u32 = 1 << 4;
 
 impl Core {
     pub(super) fn read_system_control(&mut self, address: u32, width: Width) -> Outcome<u32> {
@@ -54,17 +56,17 @@ impl Core {
         Ok(match address & 0xFFF {
             0x008 | 0xD90..=0xDA0 | 0xDF0 | 0xDFC => 0,
             0x010 => self.systick.read_control(),
-            0x014 => self.systick.reload(),
+            0x014 => self.systick.reload,
             0x018 => self.systick.count(self.now, self.cycle),
-            0x01C => self.systick.calibration(),
-            0x100 | 0x180 => self.nvic.enabled_irqs(),
-            0x200 | 0x280 => self.nvic.pending_irqs(),
+            0x01C => CALIBRATION,
+            0x100 | 0x180 => irqs(self.nvic.enabled),
+            0x200 | 0x280 => irqs(self.nvic.pending),
             offset @ 0x400..=0x41C => self.nvic.priority_word(IRQ0 + offset as u8),
             0xD00 => CPUID,
             0xD04 => self.icsr(),
             0xD08 => self.vtor,
             0xD0C => AIRCR_READ,
-            0xD10 => self.scr(),
+            0xD10 => self.scr,
             0xD14 => CCR,
             0xD1C => self.nvic.priority_word(8),
             0xD20 => self.nvic.priority_word(12),
@@ -81,16 +83,16 @@ impl Core {
         if !matches!(width, Width::Word) {
             return Err(unmodelled(address, width));
         }
-        let before = self.nvic.pending_mask();
+        let before = self.nvic.pending;
         match address & 0xFFF {
             0x008 | 0x01C | 0xD00 | 0xD14 | 0xDF0 | 0xDFC => {}
             0x010 => self.systick.write_control(value, self.now, self.cycle),
             0x014 => self.systick.set_reload(value),
             0x018 => self.systick.clear(self.now, self.cycle),
-            0x100 => self.nvic.enable_irqs(value),
-            0x180 => self.nvic.disable_irqs(value),
-            0x200 => self.nvic.pend_irqs(value),
-            0x280 => self.nvic.unpend_irqs(value),
+            0x100 => self.nvic.enabled |= exceptions(value),
+            0x180 => self.nvic.enabled &= !exceptions(value),
+            0x200 => self.nvic.pending |= exceptions(value),
+            0x280 => self.nvic.pending &= !exceptions(value),
             offset @ 0x400..=0x41C => self.nvic.set_priority_word(IRQ0 + offset as u8, value),
             0xD04 => self.set_icsr(value),
             0xD08 => self.vtor = value & VTOR_MASK,
@@ -99,58 +101,48 @@ impl Core {
                     self.request_reset(ResetCause::System);
                 }
             }
-            0xD10 => {
-                self.sleep_on_exit = value & SCR_SLEEPONEXIT != 0;
-                self.deep_sleep = value & SCR_SLEEPDEEP != 0;
-                self.event_on_pend = value & SCR_SEVONPEND != 0;
-            }
+            0xD10 => self.scr = value & (SCR_SLEEPONEXIT | SCR_SLEEPDEEP | SCR_SEVONPEND),
             0xD1C => self.nvic.set_priority_word(8, value),
             0xD20 => self.nvic.set_priority_word(12, value),
             _ => return Err(unmodelled(address, width)),
         }
-        if self.event_on_pend && self.nvic.pending_mask() & !before != 0 {
-            self.event = true;
-        }
+        self.note_pending(before);
         Ok(())
     }
 
     fn icsr(&self) -> u32 {
-        let flag = |set: bool, bit: u32| if set { bit } else { 0 };
         let first = self
             .nvic
             .first_pending()
             .map_or(0, |(exception, _)| exception);
-        u32::from(self.ipsr)
-            | u32::from(first) << 12
-            | flag(self.nvic.pending_irqs() != 0, ICSR_ISRPENDING)
-            | flag(self.nvic.is_pending(SYSTICK), ICSR_PENDSTSET)
-            | flag(self.nvic.is_pending(PENDSV), ICSR_PENDSVSET)
-            | flag(self.nvic.is_pending(NMI), ICSR_NMIPENDSET)
+        let waits = irqs(self.nvic.pending) != 0;
+        let mut icsr = u32::from(self.ipsr) | u32::from(first) << 12;
+        icsr |= if waits { ICSR_ISRPENDING } else { 0 };
+        for (exception, set, _) in PENDABLE {
+            icsr |= if self.nvic.is_pending(exception) {
+                set
+            } else {
+                0
+            };
+        }
+        icsr
     }
 
     fn set_icsr(&mut self, value: u32) {
-        if value & ICSR_PENDSVCLR != 0 {
-            self.nvic.unpend(PENDSV);
-        }
-        if value & ICSR_PENDSTCLR != 0 {
-            self.nvic.unpend(SYSTICK);
-        }
-        if value & ICSR_PENDSVSET != 0 {
-            self.nvic.pend(PENDSV);
-        }
-        if value & ICSR_PENDSTSET != 0 {
-            self.nvic.pend(SYSTICK);
-        }
-        if value & ICSR_NMIPENDSET != 0 {
-            self.nvic.pend(NMI);
+        for (exception, set, clear) in PENDABLE {
+            if value & clear != 0 {
+                self.nvic.pending &= !(1 << exception);
+            }
+            if value & set != 0 {
+                self.nvic.pend(exception);
+            }
         }
     }
 
-    fn scr(&self) -> u32 {
-        let flag = |set: bool, bit: u32| if set { bit } else { 0 };
-        flag(self.sleep_on_exit, SCR_SLEEPONEXIT)
-            | flag(self.deep_sleep, SCR_SLEEPDEEP)
-            | flag(self.event_on_pend, SCR_SEVONPEND)
+    /// SEVONPEND: an exception that pends and did not `before` is an event.
+    pub(super) fn note_pending(&mut self, before: u64) {
+        let is_new = self.nvic.pending & !before != 0;
+        self.event |= is_new && self.scr & SCR_SEVONPEND != 0;
     }
 }
 

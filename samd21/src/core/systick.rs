@@ -17,20 +17,20 @@ const TICKINT: u32 = 1 << 1;
 const CLKSOURCE: u32 = 1 << 2;
 const COUNTFLAG: u32 = 1 << 16;
 /// CALIB: NOREF and SKEW, TENMS unknown.
-const CALIBRATION: u32 = 0xC000_0000;
+pub(super) const CALIBRATION: u32 = 0xC000_0000;
 const MAX: u32 = 0x00FF_FFFF;
 
 /// The timer. Times are the core's; `cycle` is the length of a CPU cycle in them.
 #[derive(Clone)]
 pub(super) struct SysTick {
-    enabled: bool,
-    interrupt: bool,
-    counted: bool,
-    reload: u32,
+    /// CSR: ENABLE, TICKINT and COUNTFLAG.
+    control: u32,
+    /// RVR.
+    pub(super) reload: u32,
     /// While stopped: the count.
     held: u32,
     /// While counting: when the count next reaches zero, `u64::MAX` when it stays there.
-    zero_at: u64,
+    pub(super) zero_at: u64,
     /// Cycles from the last zero to `zero_at`: that many left is the cycle in which the count is
     /// still zero.
     period: u64,
@@ -40,9 +40,7 @@ impl Default for SysTick {
     /// The state after reset (the architecture leaves RVR and CVR unknown; here zero).
     fn default() -> Self {
         Self {
-            enabled: false,
-            interrupt: false,
-            counted: false,
+            control: 0,
             reload: 0,
             held: 0,
             zero_at: u64::MAX,
@@ -52,17 +50,12 @@ impl Default for SysTick {
 }
 
 impl SysTick {
-    /// When the count next reaches zero; `u64::MAX` for never.
-    pub(super) fn next_event(&self) -> u64 {
-        self.zero_at
-    }
-
     /// Counts up to `now`; whether the exception pends.
     pub(super) fn advance(&mut self, now: u64, cycle: u64) -> bool {
         let mut pends = false;
         while self.zero_at <= now {
-            self.counted = true;
-            pends |= self.interrupt;
+            self.control |= COUNTFLAG;
+            pends |= self.control & TICKINT != 0;
             self.restart(self.zero_at, 0, cycle);
         }
         pends
@@ -77,36 +70,28 @@ impl SysTick {
 
     /// Reads CSR: COUNTFLAG is cleared.
     pub(super) fn read_control(&mut self) -> u32 {
-        let counted = std::mem::take(&mut self.counted);
-        CLKSOURCE
-            | if self.enabled { ENABLE } else { 0 }
-            | if self.interrupt { TICKINT } else { 0 }
-            | if counted { COUNTFLAG } else { 0 }
+        let control = CLKSOURCE | self.control;
+        self.control &= !COUNTFLAG;
+        control
     }
 
     /// Writes CSR.
     pub(super) fn write_control(&mut self, value: u32, now: u64, cycle: u64) {
-        self.interrupt = value & TICKINT != 0;
-        let enable = value & ENABLE != 0;
-        if enable && !self.enabled {
-            self.restart(now, self.held, cycle);
-        } else if !enable && self.enabled {
-            self.held = self.count(now, cycle);
-            self.zero_at = u64::MAX;
+        let (before, count) = (self.control, self.count(now, cycle));
+        self.control = before & COUNTFLAG | value & (ENABLE | TICKINT);
+        match (before & ENABLE, value & ENABLE) {
+            (0, ENABLE) => self.restart(now, self.held, cycle),
+            (ENABLE, 0) => {
+                self.held = count;
+                self.zero_at = u64::MAX;
+            }
+            _ => {}
         }
-        self.enabled = enable;
     }
 
     /// Bits of CSR flip; COUNTFLAG is not looked at.
     pub(super) fn flip_control(&mut self, bits: u32, now: u64, cycle: u64) {
-        let control =
-            if self.enabled { ENABLE } else { 0 } | if self.interrupt { TICKINT } else { 0 };
-        self.write_control(control ^ bits, now, cycle);
-    }
-
-    /// Reads RVR.
-    pub(super) fn reload(&self) -> u32 {
-        self.reload
+        self.write_control(self.control ^ bits, now, cycle);
     }
 
     /// Writes RVR.
@@ -116,7 +101,7 @@ impl SysTick {
 
     /// Reads CVR.
     pub(super) fn count(&self, now: u64, cycle: u64) -> u32 {
-        if !self.enabled {
+        if self.control & ENABLE == 0 {
             return self.held;
         }
         if self.zero_at == u64::MAX {
@@ -128,16 +113,11 @@ impl SysTick {
 
     /// Writes CVR.
     pub(super) fn clear(&mut self, now: u64, cycle: u64) {
-        self.counted = false;
+        self.control &= !COUNTFLAG;
         self.held = 0;
-        if self.enabled {
+        if self.control & ENABLE != 0 {
             self.restart(now, 0, cycle);
         }
-    }
-
-    /// Reads CALIB.
-    pub(super) fn calibration(&self) -> u32 {
-        CALIBRATION
     }
 
     /// Counts on from `count` at `now`. From zero the next cycle loads RVR.
@@ -184,7 +164,7 @@ mod tests {
         assert!(timer.advance(10, 1));
         assert_eq!(timer.count(10, 1), 0);
         assert_eq!(timer.count(11, 1), 9);
-        assert_eq!(timer.next_event(), 20);
+        assert_eq!(timer.zero_at, 20);
     }
 
     #[test]
@@ -196,18 +176,18 @@ mod tests {
         timer.advance(20, 1);
         timer.clear(23, 1);
         assert_eq!(timer.read_control(), 0x0000_0007);
-        assert_eq!(timer.next_event(), 33);
+        assert_eq!(timer.zero_at, 33);
     }
 
     #[test]
     fn a_stopped_counter_keeps_its_count_and_goes_on_from_it() {
         let mut timer = running(99);
         timer.write_control(0, 40, 1);
-        assert_eq!(timer.next_event(), u64::MAX);
+        assert_eq!(timer.zero_at, u64::MAX);
         assert_eq!(timer.count(70, 1), 60);
         timer.write_control(ENABLE, 100, 1);
         assert_eq!(timer.count(100, 1), 60);
-        assert_eq!(timer.next_event(), 160);
+        assert_eq!(timer.zero_at, 160);
         assert!(!timer.advance(160, 1), "TICKINT is off");
         assert_eq!(timer.read_control(), 0x0001_0005);
     }
@@ -216,12 +196,12 @@ mod tests {
     fn a_new_reload_waits_for_the_next_wrap_and_zero_stops_there() {
         let mut timer = running(9);
         timer.set_reload(4);
-        assert_eq!(timer.next_event(), 10);
+        assert_eq!(timer.zero_at, 10);
         timer.advance(10, 1);
-        assert_eq!(timer.next_event(), 15);
+        assert_eq!(timer.zero_at, 15);
         timer.set_reload(0);
         timer.advance(15, 1);
-        assert_eq!(timer.next_event(), u64::MAX);
+        assert_eq!(timer.zero_at, u64::MAX);
         assert_eq!(timer.count(100, 1), 0);
     }
 
@@ -239,6 +219,6 @@ mod tests {
         assert_eq!(timer.count(40 * 48, 48), 60);
         timer.change_cycle(40 * 48, 48, 1);
         assert_eq!(timer.count(40 * 48, 1), 60);
-        assert_eq!(timer.next_event(), 40 * 48 + 60);
+        assert_eq!(timer.zero_at, 40 * 48 + 60);
     }
 }

@@ -18,19 +18,7 @@ pub(crate) struct Bus<'a> {
     pub(crate) violations: &'a mut Violations,
 }
 
-impl<'a> Bus<'a> {
-    pub(crate) fn new(
-        now: Ticks,
-        board: &'a mut dyn Board,
-        violations: &'a mut Violations,
-    ) -> Self {
-        Self {
-            now,
-            board,
-            violations,
-        }
-    }
-
+impl Bus<'_> {
     /// Notes misuse of a peripheral.
     pub(crate) fn note(&mut self, peripheral: &'static str, what: &'static str) {
         self.violations.note(self.now, peripheral, what);

@@ -36,11 +36,11 @@ const SAMPLE: Ticks = Ticks::from_us(100);
 pub(crate) struct Eic {
     sync: SyncFlags<1>,
     enabled: bool,
-    interrupts: Interrupts<LINES>,
+    pub(crate) interrupts: Interrupts<LINES>,
     wakeup: u32,
     config: [u32; 2],
     levels: u32,
-    next_sample: Ticks,
+    pub(crate) next_sample: Ticks,
 }
 
 impl Eic {
@@ -55,14 +55,6 @@ impl Eic {
 
     pub(crate) fn set_clock(&mut self, now: Ticks, clocked: bool) {
         self.sync.set_clocked(now, clocked);
-    }
-
-    pub(crate) fn irq(&self) -> u32 {
-        self.interrupts.irq()
-    }
-
-    pub(crate) fn next(&self) -> Ticks {
-        self.next_sample
     }
 
     pub(crate) fn advance(&mut self, bus: &mut Bus<'_>, port: &Port) {

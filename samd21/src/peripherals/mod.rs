@@ -76,16 +76,16 @@ pub struct Peripherals {
     sercom: [sercom::Sercom; 6],
     tc: [tc::Tc; 3],
     tcc: [tcc::Tcc; 3],
-    usb: usb::Usb,
+    pub(crate) usb: usb::Usb,
     wdt: wdt::Wdt,
     violations: Violations,
     /// Length of a CPU cycle in parts of a tick.
-    cycle: u64,
+    pub(crate) cycle: u64,
     /// The flash is read faster than it can be.
     flash_overrun: bool,
-    irq_lines: u32,
-    next: Ticks,
-    last: Ticks,
+    pub(crate) irq_lines: u32,
+    pub(crate) next: Ticks,
+    pub(crate) last: Ticks,
     pending_reset: Option<ResetCause>,
 }
 
@@ -201,7 +201,11 @@ impl Peripherals {
         memory: &mut Memory,
         board: &mut dyn Board,
     ) -> Result<Ticks, BusError> {
-        let bus = &mut Bus::new(now, board, &mut self.violations);
+        let bus = &mut Bus {
+            now,
+            board,
+            violations: &mut self.violations,
+        };
         let stall = if !addr.is_multiple_of(width.bytes()) {
             Err(Refusal::Misaligned)
         } else if addr < FLASH_SIZE {
@@ -226,7 +230,11 @@ impl Peripherals {
         if self.pac.protects(entry.bridge, entry.index) {
             return Err(Refusal::Protected);
         }
-        let bus = &mut Bus::new(now, board, &mut self.violations);
+        let bus = &mut Bus {
+            now,
+            board,
+            violations: &mut self.violations,
+        };
         let offset = entry.offset(addr);
         let stall = match entry.block {
             Block::Pac(index) => self.pac.write(index, offset, lanes),
@@ -257,10 +265,7 @@ impl Peripherals {
                 let outputs = self.tcc[index].outputs();
                 self.port.drive(now, index as u8, outputs, board);
             }
-            Block::Tc(_) => {
-                let pair = self.tc[1].is_32_bits();
-                self.tc[2].set_slave(pair);
-            }
+            Block::Tc(_) => self.tc[2].is_slave = self.tc[1].is_32_bits(),
             Block::Port => self.connect_pads(board),
             _ => {}
         }
@@ -285,24 +290,9 @@ impl Peripherals {
             .i2c_pins()
             .and_then(|lines| self.port.i2c_master(lines));
         for (index, sercom) in self.sercom.iter_mut().enumerate() {
-            sercom.set_connected(master == Some(index));
+            sercom.connected = master == Some(index);
         }
-        self.usb.set_pads(self.port.usb_routed());
-    }
-
-    /// The earliest time at which something changes by itself: cheap, worked out beforehand.
-    pub(crate) fn next_event(&self) -> Ticks {
-        self.next
-    }
-
-    /// Nothing is due before `now` any more.
-    pub(crate) fn set_time(&mut self, now: Ticks) {
-        self.last = now;
-    }
-
-    /// The USB controller, for the host at the other end of the cable.
-    pub(crate) fn usb(&mut self) -> &mut usb::Usb {
-        &mut self.usb
+        self.usb.pads = self.port.usb_routed();
     }
 
     /// The USB host's start-of-frame packet arrives, which the DFLL may lock to.
@@ -322,7 +312,11 @@ impl Peripherals {
             self.sysctrl.advance(now);
             self.retime(now);
         }
-        let bus = &mut Bus::new(now, board, &mut self.violations);
+        let bus = &mut Bus {
+            now,
+            board,
+            violations: &mut self.violations,
+        };
         for sercom in &mut self.sercom {
             if sercom.next() <= now {
                 sercom.advance(bus);
@@ -334,7 +328,7 @@ impl Peripherals {
                 self.port.drive(now, index as u8, tcc.outputs(), bus.board);
             }
         }
-        if self.eic.next() <= now {
+        if self.eic.next_sample <= now {
             self.eic.advance(bus, &self.port);
         }
         for tc in &mut self.tc {
@@ -347,17 +341,6 @@ impl Peripherals {
             self.wdt.advance(now);
         }
         now
-    }
-
-    /// Interrupt requests, bit n for IRQ n, as levels.
-    pub fn irq_lines(&self) -> u32 {
-        self.irq_lines
-    }
-
-    /// Length of a CPU cycle in parts of a tick (2^[`FRACTION`] in a tick): 48 ticks after reset
-    /// (1 MHz), one tick at 48 MHz.
-    pub(crate) fn cycle(&self) -> u64 {
-        self.cycle
     }
 
     /// NVMCTRL.CTRLB.RWS.
@@ -455,7 +438,11 @@ impl Peripherals {
         else {
             return false;
         };
-        let bus = &mut Bus::new(now, board, &mut self.violations);
+        let bus = &mut Bus {
+            now,
+            board,
+            violations: &mut self.violations,
+        };
         let flipped = Lanes::new(word ^ 1 << bit, 0, 4);
         // What is refused has been written all the same.
         let _ = self.port.write(bus, offset, flipped);
@@ -481,21 +468,21 @@ impl Peripherals {
             self.pending_reset = Some(ResetCause::Watchdog);
         }
         let mut next = self.sysctrl.next(now).min(self.nvmctrl.next(now));
-        next = next.min(self.eic.next()).min(self.usb.next());
+        next = next.min(self.eic.next_sample).min(self.usb.next());
         next = next.min(self.wdt.next());
-        let mut lines = self.pm.irq() | self.sysctrl.irq() | self.wdt.irq();
-        lines |= self.eic.irq() | self.nvmctrl.irq(now) | self.usb.irq();
+        let mut lines = self.pm.interrupts.irq() | self.sysctrl.irq() | self.wdt.irq();
+        lines |= self.eic.interrupts.irq() | self.nvmctrl.irq(now) | self.usb.irq();
         for sercom in &self.sercom {
             next = next.min(sercom.next());
-            lines |= sercom.irq();
+            lines |= sercom.interrupts.irq();
         }
         for tcc in &self.tcc {
             next = next.min(tcc.next());
-            lines |= tcc.irq();
+            lines |= tcc.interrupts.irq();
         }
         for tc in &self.tc {
             next = next.min(tc.next());
-            lines |= tc.irq();
+            lines |= tc.interrupts.irq();
         }
         self.next = next;
         self.irq_lines = lines;

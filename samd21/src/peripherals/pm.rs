@@ -30,7 +30,7 @@ pub(crate) struct Pm {
     select: u32,
     ahb_mask: u32,
     apb_masks: [u32; 3],
-    interrupts: Interrupts<CKRDY>,
+    pub(crate) interrupts: Interrupts<CKRDY>,
     cause: ResetCause,
 }
 
@@ -107,10 +107,6 @@ impl Pm {
             _ => return Err(RESERVED),
         }
         DONE
-    }
-
-    pub(crate) fn irq(&self) -> u32 {
-        self.interrupts.irq()
     }
 }
 

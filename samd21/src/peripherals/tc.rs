@@ -62,9 +62,9 @@ pub(crate) struct Tc {
     ctrla: u32,
     ctrlb: u8,
     read_request: u16,
-    interrupts: Interrupts<{ OVF | ERR | SYNCRDY | MC0 | MC1 }>,
+    pub(crate) interrupts: Interrupts<{ OVF | ERR | SYNCRDY | MC0 | MC1 }>,
     cc: [u32; 2],
-    is_slave: bool,
+    pub(crate) is_slave: bool,
     /// COUNT as the last request saw it.
     requested: Option<u32>,
 }
@@ -90,15 +90,6 @@ impl Tc {
     /// Whether this counter has taken the next one as its upper half.
     pub(crate) fn is_32_bits(&self) -> bool {
         self.ctrla & MODE == MODE_COUNT32
-    }
-
-    /// The counter below has taken this one as its upper half, or has let it go.
-    pub(crate) fn set_slave(&mut self, is_slave: bool) {
-        self.is_slave = is_slave;
-    }
-
-    pub(crate) fn irq(&self) -> u32 {
-        self.interrupts.irq()
     }
 
     pub(crate) fn next(&self) -> Ticks {
@@ -334,15 +325,15 @@ mod tests {
         rig.half(0x00, 1 << 5 | 3 << 8 | ENABLE);
         rig.write(0x0C, Lanes::new(OVF, 1, 1)).unwrap();
         rig.run_to(6000 * 8 - 1);
-        assert_eq!(rig.tc.irq(), 0);
+        assert_eq!(rig.tc.interrupts.irq(), 0);
         assert_eq!(rig.read(0x10), 5999);
         rig.run_to(6000 * 8);
-        assert_eq!(rig.tc.irq(), 1 << 19);
+        assert_eq!(rig.tc.interrupts.irq(), 1 << 19);
         assert_eq!(rig.read(0x10), 0);
         rig.write(0x0C, Lanes::new(OVF, 2, 1)).unwrap();
-        assert_eq!(rig.tc.irq(), 0);
+        assert_eq!(rig.tc.interrupts.irq(), 0);
         rig.run_to(12_000 * 8);
-        assert_eq!(rig.tc.irq(), 1 << 19);
+        assert_eq!(rig.tc.interrupts.irq(), 1 << 19);
     }
 
     #[test]

@@ -10,9 +10,9 @@ const SERCOM3: u32 = 0x4200_1400;
 fn the_hal_starts_48_mhz_with_and_without_held_synchronisation() {
     for hold in [SyncHold::Instant, SyncHold::For(Ticks(300))] {
         let mut bench = Bench::new(hold, Unconnected);
-        assert_eq!(bench.peripherals.cycle(), 48 << FRACTION);
+        assert_eq!(bench.peripherals.cycle, 48 << FRACTION);
         bench.start_clocks();
-        assert_eq!(bench.peripherals.cycle(), 1 << FRACTION);
+        assert_eq!(bench.peripherals.cycle, 1 << FRACTION);
         assert_eq!(bench.peripherals.flash_wait_states(), 1);
         assert_eq!(bench.peripherals.violations().first(), []);
     }
@@ -33,7 +33,7 @@ fn slow_clocks() -> Bench {
 fn a_slow_dfll_slows_core_and_timers_until_frames_come() {
     let mut bench = slow_clocks();
     // 1 / 0.969 of a tick.
-    assert_eq!(bench.peripherals.cycle(), 67_633);
+    assert_eq!(bench.peripherals.cycle, 67_633);
     let frame = |bench: &mut Bench| {
         bench.pass(Ticks::from_ms(1));
         let now = bench.now;
@@ -43,16 +43,16 @@ fn a_slow_dfll_slows_core_and_timers_until_frames_come() {
     for _ in 0..13 {
         frame(&mut bench);
     }
-    assert!(bench.peripherals.cycle() > 1 << FRACTION);
+    assert!(bench.peripherals.cycle > 1 << FRACTION);
     for _ in 0..8 {
         assert!(!locked(&mut bench));
         frame(&mut bench);
     }
     assert!(locked(&mut bench));
-    assert_eq!(bench.peripherals.cycle(), 1 << FRACTION);
+    assert_eq!(bench.peripherals.cycle, 1 << FRACTION);
     // The value stays when the frames end, and is read after READREQ only.
     bench.pass(Ticks::from_ms(5000));
-    assert_eq!(bench.peripherals.cycle(), 1 << FRACTION);
+    assert_eq!(bench.peripherals.cycle, 1 << FRACTION);
     assert_eq!(bench.r32(SYSCTRL + 0x28) & 0x3FF, 0x1FF);
     bench.w8(SYSCTRL + 0x30, 0x80);
     let value = bench.r32(SYSCTRL + 0x28);
@@ -60,7 +60,7 @@ fn a_slow_dfll_slows_core_and_timers_until_frames_come() {
     // The next start from that value is right at once.
     let mut next = slow_clocks();
     next.w32(SYSCTRL + 0x28, value);
-    assert_eq!(next.peripherals.cycle().abs_diff(1 << FRACTION), 3);
+    assert_eq!(next.peripherals.cycle.abs_diff(1 << FRACTION), 3);
 }
 
 #[test]
@@ -137,7 +137,7 @@ fn a_user_reset_spares_the_32_khz_oscillators() {
         assert_eq!(ready, survives, "{cause:?}");
         assert_eq!(bench.r32(SYSCTRL + 0x18) == 0x003F_0080, !survives);
         assert_eq!(bench.r32(SYSCTRL + 0x24), 0x80, "the DFLL is off");
-        assert_eq!(bench.peripherals.cycle(), 48 << FRACTION);
+        assert_eq!(bench.peripherals.cycle, 48 << FRACTION);
     }
 }
 
@@ -317,7 +317,7 @@ fn a_reset_lets_the_pins_go_and_tells_why() {
     bench.pass(Ticks(10));
     assert_eq!(bench.board.edges.last(), Some(&(now, Pin::b(11), false)));
     assert_eq!(bench.r8(0x4000_0438), 0x20);
-    assert_eq!(bench.peripherals.cycle(), 48 << FRACTION);
+    assert_eq!(bench.peripherals.cycle, 48 << FRACTION);
     assert!(bench.try_read(TCC0, Width::Word).is_err());
 }
 
@@ -346,9 +346,9 @@ fn any_sercom_is_an_i2c_master_through_the_pads_that_reach_the_boards_bus() {
         bench.w16(base + 0x1A, 1 << 4);
         bench.w8(base + 0x16, 1);
         bench.w32(base + 0x24, 0x29 << 1);
-        assert_eq!(bench.peripherals.irq_lines(), 0);
+        assert_eq!(bench.peripherals.irq_lines, 0);
         bench.pass(Ticks::from_us(40));
-        assert_eq!(bench.peripherals.irq_lines(), 1 << (9 + sercom));
+        assert_eq!(bench.peripherals.irq_lines, 1 << (9 + sercom));
         assert_eq!(bench.r16(base + 0x1A), 2 << 4 | 1 << 7);
         assert_eq!(bench.peripherals.violations().first(), []);
     }
@@ -412,14 +412,14 @@ fn a_switch_interrupts_on_the_edge_that_is_sensed() {
         bench.w32(EIC + 0x0C, 1 << 7);
         bench.w8(EIC, 2);
         bench.pass(Ticks::from_ms(1));
-        assert_eq!(bench.peripherals.irq_lines() & 1 << 4, 0);
+        assert_eq!(bench.peripherals.irq_lines & 1 << 4, 0);
         for (closed, interrupts) in [(true, on_close), (false, on_open)] {
             bench.board.closed = closed;
             bench.pass(Ticks::from_us(200));
             let expected = if interrupts { 1 << 4 } else { 0 };
-            assert_eq!(bench.peripherals.irq_lines() & 1 << 4, expected);
+            assert_eq!(bench.peripherals.irq_lines & 1 << 4, expected);
             bench.w32(EIC + 0x10, 1 << 7);
-            assert_eq!(bench.peripherals.irq_lines() & 1 << 4, 0);
+            assert_eq!(bench.peripherals.irq_lines & 1 << 4, 0);
         }
     }
 }
@@ -436,7 +436,7 @@ fn a_starved_watchdog_asks_for_a_reset() {
     bench.w8(WDT + 5, 1);
     bench.w8(WDT, 2);
     bench.pass(Ticks::from_ms(75));
-    assert_eq!(bench.peripherals.irq_lines(), 1 << 2);
+    assert_eq!(bench.peripherals.irq_lines, 1 << 2);
     assert_eq!(bench.peripherals.take_reset(), None);
     bench.pass(Ticks::from_ms(60));
     let cause = bench.peripherals.take_reset();
@@ -475,15 +475,15 @@ fn the_flash_interrupts_when_it_is_ready_again() {
     let mut bench = Bench::new(SyncHold::Instant, Unconnected);
     bench.w32(NVMCTRL + 0x1C, 0x4000 / 2);
     bench.w8(NVMCTRL + 0x10, 1);
-    assert_eq!(bench.peripherals.irq_lines(), 1 << 5);
+    assert_eq!(bench.peripherals.irq_lines, 1 << 5);
     let now = bench.now;
     let command = bench.bus().write(now, NVMCTRL, Width::Half, 0xA502);
     assert_eq!(command, Ok(Ticks::from_us(6000)));
-    assert_eq!(bench.peripherals.irq_lines(), 0);
+    assert_eq!(bench.peripherals.irq_lines, 0);
     let end = now + Ticks::from_us(6000);
-    assert_eq!(bench.peripherals.next_event(), end);
+    assert_eq!(bench.peripherals.next, end);
     bench.pass(Ticks::from_us(6000));
-    assert_eq!(bench.peripherals.irq_lines(), 1 << 5);
+    assert_eq!(bench.peripherals.irq_lines, 1 << 5);
 }
 
 /// A bit of the multiplexer leads the servo's pin to a TC: it is released, and firmware that leads

@@ -375,7 +375,7 @@ impl Host {
             }
             Phase::Suspended => self.due = Ticks::NEVER,
             Phase::Waking => {
-                usb.resume(now);
+                usb.wake(now);
                 self.phase = Phase::Resume;
                 self.due = now + RESUME;
             }

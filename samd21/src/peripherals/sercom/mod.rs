@@ -67,13 +67,13 @@ pub(crate) struct Sercom {
     /// GCLK_SERCOM_SLOW runs: time-outs work.
     slow_clock: bool,
     /// The bus hangs on this SERCOM's pads.
-    connected: bool,
+    pub(crate) connected: bool,
     sync: SyncFlags<3>,
     ctrla: u32,
     ctrlb: u32,
     baud: u32,
     debug: u8,
-    interrupts: Interrupts<{ MB | SB | ERROR }>,
+    pub(crate) interrupts: Interrupts<{ MB | SB | ERROR }>,
     /// STATUS without BUSSTATE and CLKHOLD.
     status: u16,
     state: BusState,
@@ -107,15 +107,6 @@ impl Sercom {
         self.sync.set_clocked(now, core.is_some());
         self.clock = core;
         self.slow_clock = slow;
-    }
-
-    /// Whether the pin multiplexers lead to the board's bus.
-    pub(crate) fn set_connected(&mut self, connected: bool) {
-        self.connected = connected;
-    }
-
-    pub(crate) fn irq(&self) -> u32 {
-        self.interrupts.irq()
     }
 
     fn is_enabled(&self) -> bool {

@@ -81,7 +81,7 @@ impl Rig {
     fn new(hold: SyncHold) -> Self {
         let mut sercom = Sercom::new(4, hold);
         sercom.set_clocks(Ticks::ZERO, Some(Rate::from_hz(48_000_000)), false);
-        sercom.set_connected(true);
+        sercom.connected = true;
         let mut rig = Self {
             sercom,
             slave: Slave {
@@ -476,11 +476,11 @@ fn interrupts_follow_flags_and_enables() {
     let mut rig = Rig::ready();
     rig.access(0x14, Lanes::new(MB | SB | ERROR, 2, 1)).unwrap();
     rig.write(0x24, 0x29 << 1);
-    assert_eq!(rig.sercom.irq(), 0);
+    assert_eq!(rig.sercom.interrupts.irq(), 0);
     rig.wait();
-    assert_eq!(rig.sercom.irq(), 1 << 13);
+    assert_eq!(rig.sercom.interrupts.irq(), 1 << 13);
     rig.access(0x14, Lanes::new(MB, 0, 1)).unwrap();
-    assert_eq!(rig.sercom.irq(), 0);
+    assert_eq!(rig.sercom.interrupts.irq(), 0);
 }
 
 #[test]
@@ -488,7 +488,7 @@ fn other_modes_and_sercoms_without_the_buss_pads_do_not_reach_the_bus() {
     let mut rig = Rig::new(SyncHold::Instant);
     assert!(rig.access(0x00, Lanes::word(3 << 2)).is_err());
     let mut rig = Rig::new(SyncHold::Instant);
-    rig.sercom.set_connected(false);
+    rig.sercom.connected = false;
     rig.enable(0);
     assert_eq!(rig.violations.count(), 1);
     rig.write(0x24, 0x29 << 1);

@@ -129,7 +129,7 @@ pub(crate) struct Tcc {
     extension: Extension,
     dbgctrl: u32,
     evctrl: u32,
-    interrupts: Interrupts<FLAGS>,
+    pub(crate) interrupts: Interrupts<FLAGS>,
     wave: u32,
     waveb: u32,
     per: u32,
@@ -177,10 +177,6 @@ impl Tcc {
         } else {
             self.extension.outputs(self.wave >> 24)
         }
-    }
-
-    pub(crate) fn irq(&self) -> u32 {
-        self.interrupts.irq()
     }
 
     pub(crate) fn next(&self) -> Ticks {

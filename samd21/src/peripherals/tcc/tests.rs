@@ -156,12 +156,12 @@ fn overflow_and_match_raise_flags_and_the_interrupt() {
     let mut rig = Rig::servo(72_000);
     rig.write(0, 0x28, OVF | MC0 << 1);
     rig.run(71_999);
-    assert_eq!(rig.tcc.irq(), 0);
+    assert_eq!(rig.tcc.interrupts.irq(), 0);
     rig.run(72_000);
     assert_eq!(rig.read(72_000, 0x2C) & MC0 << 1, MC0 << 1);
-    assert_eq!(rig.tcc.irq(), 1 << 15);
+    assert_eq!(rig.tcc.interrupts.irq(), 1 << 15);
     rig.write(72_001, 0x2C, MC0 << 1);
-    assert_eq!(rig.tcc.irq(), 0);
+    assert_eq!(rig.tcc.interrupts.irq(), 0);
     rig.run(960_000);
     assert_eq!(rig.read(960_000, 0x2C) & OVF, OVF);
 }

@@ -64,7 +64,7 @@ pub(crate) struct Usb {
     /// Clocked: GCLK_USB is there at about 48 MHz.
     sync: SyncFlags<2>,
     /// PA24 and PA25 are USB's.
-    pads: bool,
+    pub(crate) pads: bool,
     ctrla: u8,
     qos: u8,
     ctrlb: u16,
@@ -92,10 +92,6 @@ impl Usb {
     pub(crate) fn set_clock(&mut self, now: Ticks, clock: Option<Rate>) {
         let clocked = clock.is_some_and(|clock| CLOCK_HZ.contains(&clock.hz()));
         self.sync.set_clocked(now, clocked);
-    }
-
-    pub(crate) fn set_pads(&mut self, pads: bool) {
-        self.pads = pads;
     }
 
     /// Whether the pull-up on D+ shows a device, and one that can answer.
@@ -137,11 +133,6 @@ impl Usb {
         self.interrupts.flags |= EORST;
     }
 
-    /// The host signals that it has woken.
-    pub(crate) fn resume(&mut self, now: Ticks) {
-        self.wake(now);
-    }
-
     /// The host has sent a start-of-frame packet.
     pub(crate) fn start_of_frame(&mut self, now: Ticks, frame: u16) {
         self.wake(now);
@@ -149,7 +140,7 @@ impl Usb {
         self.interrupts.flags |= SOF;
     }
 
-    fn wake(&mut self, now: Ticks) {
+    pub(crate) fn wake(&mut self, now: Ticks) {
         self.last_activity = now;
         if self.suspended {
             self.suspended = false;

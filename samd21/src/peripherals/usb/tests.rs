@@ -6,7 +6,7 @@ const BASE: u32 = 0x2000_0100;
 fn ready() -> (Usb, Memory) {
     let mut usb = Usb::new(SyncHold::Instant);
     usb.set_clock(Ticks::ZERO, Some(Rate::from_hz(48_000_000)));
-    usb.set_pads(true);
+    usb.pads = true;
     usb.ctrla = ENABLE;
     usb.ctrlb = 0;
     usb.descriptors = BASE;
