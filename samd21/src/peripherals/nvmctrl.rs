@@ -65,6 +65,9 @@ const CALIBRATION: u64 = 0x80 << 27
 /// 0x0080_6030: room 25.0 degrees, hot 85.0, their references and ADC readings.
 const TEMPERATURE_LOG: u64 = 25 | 85 << 12 | 0x0C00 << 40 | 0x0E66 << 52;
 
+const PROTECTED: &str = "command into flash that BOOTPROT protects";
+const OUTSIDE: &str = "command with ADDR outside of flash";
+
 /// A command that changes flash.
 #[derive(Clone, Debug)]
 struct Command {
@@ -212,20 +215,17 @@ impl Nvmctrl {
 
     fn command(&mut self, bus: &mut Bus<'_>, command: u16, memory: &mut Memory) -> Write {
         if command >> 8 != 0xA5 {
-            self.status |= PROGE;
-            self.interrupts.flags |= ERROR;
-            bus.note("NVMCTRL", "command without the key 0xA5");
-            return Ok(Ticks::ZERO);
+            return self.refuse(bus, PROGE, "command without the key 0xA5");
         }
         match command & 0x7F {
             0x02 => {
                 let row = self.address * 2 / ROW * ROW;
-                if self.is_protected(bus, row) {
-                    return Ok(Ticks::ZERO);
+                if self.is_protected(row) {
+                    return self.refuse(bus, LOCKE, PROTECTED);
                 }
                 self.begin(bus, memory, row, ROW);
                 if memory.erase(row, ROW as usize).is_none() {
-                    return Ok(self.fail(bus));
+                    return self.refuse(bus, NVME, OUTSIDE);
                 }
                 Ok(self.take(bus, ROW_ERASE))
             }
@@ -241,12 +241,12 @@ impl Nvmctrl {
 
     fn program(&mut self, bus: &mut Bus<'_>, memory: &mut Memory) -> Write {
         let start = self.address * 2 / PAGE * PAGE;
-        if self.is_protected(bus, start) {
-            return Ok(Ticks::ZERO);
+        if self.is_protected(start) {
+            return self.refuse(bus, LOCKE, PROTECTED);
         }
         self.begin(bus, memory, start, PAGE);
         if memory.program(start, &self.page).is_none() {
-            return Ok(self.fail(bus));
+            return self.refuse(bus, NVME, OUTSIDE);
         }
         self.clear_page_buffer();
         Ok(self.take(bus, PAGE_PROGRAM))
@@ -281,22 +281,17 @@ impl Nvmctrl {
         time
     }
 
-    /// Whether BOOTPROT refuses to change what is at `address`; then that is an error.
-    fn is_protected(&mut self, bus: &mut Bus<'_>, address: u32) -> bool {
-        let protected = address < self.user_row.protected_bytes();
-        if protected {
-            self.status |= LOCKE;
-            self.interrupts.flags |= ERROR;
-            bus.note("NVMCTRL", "command into flash that BOOTPROT protects");
-        }
-        protected
+    /// Whether BOOTPROT refuses to change what is at `address`.
+    fn is_protected(&self, address: u32) -> bool {
+        address < self.user_row.protected_bytes()
     }
 
-    fn fail(&mut self, bus: &mut Bus<'_>) -> Ticks {
-        self.status |= NVME;
+    /// The command is not carried out, takes no time, and leaves `error` in STATUS.
+    fn refuse(&mut self, bus: &mut Bus<'_>, error: u16, what: &'static str) -> Write {
+        self.status |= error;
         self.interrupts.flags |= ERROR;
-        bus.note("NVMCTRL", "command with ADDR outside of flash");
-        Ticks::ZERO
+        bus.note("NVMCTRL", what);
+        Ok(Ticks::ZERO)
     }
 
     fn clear_page_buffer(&mut self) {

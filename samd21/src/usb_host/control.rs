@@ -5,7 +5,7 @@ use super::request::Request;
 use super::{FRAME, Host, HostError, RETRY};
 use crate::board::Ticks;
 use crate::memory::Memory;
-use crate::peripherals::usb::{Handshake, Packet, Usb};
+use crate::peripherals::usb::{Refused, Usb};
 
 /// Limit on any request (USB 2.0, 9.2.6.1).
 const TIME_LIMIT: Ticks = Ticks::from_ms(5000);
@@ -174,7 +174,7 @@ impl Host {
         let address = self.session.address;
         let size = usize::from(self.enumeration.control_packet);
         let end = (transfer.sent + size).min(transfer.data.len());
-        let handshake = match transfer.stage {
+        let answer = match transfer.stage {
             Stage::Setup => usb.setup(address, 0, transfer.setup, memory),
             Stage::DataOut => {
                 let chunk = &transfer.data[transfer.sent..end];
@@ -182,17 +182,15 @@ impl Host {
             }
             Stage::StatusOut => usb.output(address, 0, true, &[], memory),
             Stage::DataIn | Stage::StatusIn => match usb.input(address, 0, memory) {
-                Packet::Data(bytes, toggle) => return transfer.take(&bytes, toggle, size),
-                Packet::Nak => Handshake::Nak,
-                Packet::Stall => Handshake::Stall,
-                Packet::Silence => Handshake::Silence,
+                Ok((bytes, toggle)) => return transfer.take(&bytes, toggle, size),
+                Err(refused) => Err(refused),
             },
         };
-        match handshake {
-            Handshake::Ack => transfer.acknowledged(end),
-            Handshake::Nak => Outcome::Later,
-            Handshake::Stall => Outcome::Failed(HostError::Refused(transfer.request.name())),
-            Handshake::Silence => Outcome::Silent,
+        match answer {
+            Ok(()) => transfer.acknowledged(end),
+            Err(Refused::Nak) => Outcome::Later,
+            Err(Refused::Stall) => Outcome::Failed(HostError::Refused(transfer.request.name())),
+            Err(Refused::Silence) => Outcome::Silent,
         }
     }
 }

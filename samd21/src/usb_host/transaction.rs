@@ -6,7 +6,7 @@ use super::request::Request;
 use super::{BYTE, Host, HostError, RETRY};
 use crate::board::Ticks;
 use crate::memory::Memory;
-use crate::peripherals::usb::{Handshake, Packet, Usb};
+use crate::peripherals::usb::{Refused, Usb};
 
 /// Tokens, headers, CRC, handshake and turn-around of a transaction, in bytes.
 const OVERHEAD: u64 = 13;
@@ -145,7 +145,7 @@ impl Host {
             Pipe::Control => self.advance_control(now, usb, memory),
             Pipe::Interrupt => {
                 if !transaction.is_nak
-                    && let Packet::Data(_, toggle) = usb.input(address, number, memory)
+                    && let Ok((_, toggle)) = usb.input(address, number, memory)
                 {
                     self.pipe(pipe).toggle = !toggle;
                 }
@@ -158,7 +158,7 @@ impl Host {
                 self.pipe(pipe).ready = now + RETRY;
             }
             Pipe::BulkIn => match usb.input(address, number, memory) {
-                Packet::Data(bytes, toggle) => {
+                Ok((bytes, toggle)) => {
                     self.statistics.packets_in += 1;
                     if bytes.len() > usize::from(size) {
                         self.errors.push(HostError::TooLong);
@@ -169,19 +169,19 @@ impl Host {
                         self.errors.push(HostError::WrongToggle);
                     }
                 }
-                Packet::Nak | Packet::Silence => self.pipe(pipe).ready = now + RETRY,
-                Packet::Stall => self.clear_halt(pipe, 0x80 | number),
+                Err(Refused::Nak | Refused::Silence) => self.pipe(pipe).ready = now + RETRY,
+                Err(Refused::Stall) => self.clear_halt(pipe, 0x80 | number),
             },
             Pipe::BulkOut => {
                 let toggle = self.pipe(pipe).toggle;
                 match usb.output(address, number, toggle, &bytes, memory) {
-                    Handshake::Ack => {
+                    Ok(()) => {
                         self.statistics.packets_out += 1;
                         self.pipe(pipe).toggle = !toggle;
                         self.to_send.drain(..bytes.len());
                     }
-                    Handshake::Nak | Handshake::Silence => self.pipe(pipe).ready = now + RETRY,
-                    Handshake::Stall => self.clear_halt(pipe, number),
+                    Err(Refused::Nak | Refused::Silence) => self.pipe(pipe).ready = now + RETRY,
+                    Err(Refused::Stall) => self.clear_halt(pipe, number),
                 }
             }
         }

@@ -39,25 +39,17 @@ const CONTROL: u8 = 1;
 const BYTE_COUNT: u32 = 0x3FFF;
 const AUTO_ZLP: u32 = 1 << 31;
 
-/// The device's answer to OUT and SETUP.
+/// Why the device does not take or give a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Handshake {
-    Ack,
+pub(crate) enum Refused {
     Nak,
     Stall,
-    /// None: no such device or endpoint, or it is not ready for a SETUP.
+    /// No answer: no such device or endpoint, or it is not ready for a SETUP.
     Silence,
 }
 
-/// The device's answer to IN; data is acknowledged at once.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Packet {
-    /// The bytes, and whether they came as DATA1.
-    Data(Vec<u8>, bool),
-    Nak,
-    Stall,
-    Silence,
-}
+/// The device's answer; what it takes or gives is acknowledged.
+pub(crate) type Answer<T = ()> = Result<T, Refused>;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Endpoint {
@@ -219,7 +211,7 @@ impl Usb {
         self.is_attached() && device == own && usize::from(number) < ENDPOINTS
     }
 
-    fn bank(&mut self, memory: &Memory, number: u8, bank: u32) -> Option<Bank> {
+    fn bank(&mut self, memory: &Memory, number: u8, bank: u32) -> Answer<Bank> {
         let at = self
             .descriptors
             .wrapping_add(u32::from(number) * 32 + bank * 16);
@@ -231,10 +223,15 @@ impl Usb {
                 address,
                 pcksize,
             });
+        self.in_memory(found)
+    }
+
+    /// What is not there in memory is an error of the device, which then does not answer.
+    fn in_memory<T>(&mut self, found: Option<T>) -> Answer<T> {
         if found.is_none() {
             self.interrupts.flags |= RAMACER;
         }
-        found
+        found.ok_or(Refused::Silence)
     }
 
     /// SETUP with its eight bytes.
@@ -244,27 +241,23 @@ impl Usb {
         number: u8,
         bytes: [u8; 8],
         memory: &mut Memory,
-    ) -> Handshake {
+    ) -> Answer {
         let index = usize::from(number);
         if !self.is_addressed(device, number)
             || self.endpoints[index].type_out() != CONTROL
             || self.endpoints[index].interrupts.flags & RXSTP != 0
         {
-            return Handshake::Silence;
+            return Err(Refused::Silence);
         }
-        let Some(mut bank) = self.bank(memory, number, 0) else {
-            return Handshake::Silence;
-        };
+        let mut bank = self.bank(memory, number, 0)?;
         let multi_packet_size = bank.multi_packet_size();
         bank.set_counts(8, multi_packet_size);
-        if self.deliver(memory, &bank, 0, &bytes).is_none() {
-            return Handshake::Silence;
-        }
+        self.deliver(memory, &bank, 0, &bytes)?;
         let endpoint = &mut self.endpoints[index];
         endpoint.status &= !(BK1RDY | STALLRQ0 | STALLRQ1);
         endpoint.status |= BK0RDY | DTGLOUT | DTGLIN | CURBK;
         endpoint.interrupts.flags |= RXSTP;
-        Handshake::Ack
+        Ok(())
     }
 
     /// OUT with its data packet, DATA1 if `toggle`.
@@ -275,31 +268,26 @@ impl Usb {
         toggle: bool,
         bytes: &[u8],
         memory: &mut Memory,
-    ) -> Handshake {
+    ) -> Answer {
         let index = usize::from(number);
         if !self.is_addressed(device, number) || self.endpoints[index].type_out() == 0 {
-            return Handshake::Silence;
+            return Err(Refused::Silence);
         }
         let endpoint = &mut self.endpoints[index];
         if endpoint.status & STALLRQ0 != 0 {
             endpoint.interrupts.flags |= STALL0;
-            return Handshake::Stall;
+            return Err(Refused::Stall);
         }
         if endpoint.status & BK0RDY != 0 {
             self.nak(number, false);
-            return Handshake::Nak;
+            return Err(Refused::Nak);
         }
         if (endpoint.status & DTGLOUT != 0) != toggle {
-            return Handshake::Ack;
+            return Ok(());
         }
-        let Some(mut bank) = self.bank(memory, number, 0) else {
-            return Handshake::Silence;
-        };
+        let mut bank = self.bank(memory, number, 0)?;
         let length = bytes.len() as u32;
-        if length > bank.size() {
-            self.interrupts.flags |= RAMACER;
-            return Handshake::Silence;
-        }
+        self.in_memory((length <= bank.size()).then_some(()))?;
         let multi_packet_size = bank.multi_packet_size();
         let gathered = if multi_packet_size > 0 {
             bank.byte_count()
@@ -307,9 +295,7 @@ impl Usb {
             0
         };
         bank.set_counts(gathered + length, multi_packet_size);
-        if self.deliver(memory, &bank, gathered, bytes).is_none() {
-            return Handshake::Silence;
-        }
+        self.deliver(memory, &bank, gathered, bytes)?;
         let complete = length < bank.size() || gathered + length >= multi_packet_size;
         let endpoint = &mut self.endpoints[index];
         endpoint.status ^= DTGLOUT;
@@ -317,41 +303,39 @@ impl Usb {
             endpoint.status |= BK0RDY;
             endpoint.interrupts.flags |= TRCPT0;
         }
-        Handshake::Ack
+        Ok(())
     }
 
-    /// IN; the host acknowledges the data.
-    pub(crate) fn input(&mut self, device: u8, number: u8, memory: &mut Memory) -> Packet {
+    /// IN: the bytes, and whether they come as DATA1; the host acknowledges them.
+    pub(crate) fn input(
+        &mut self,
+        device: u8,
+        number: u8,
+        memory: &mut Memory,
+    ) -> Answer<(Vec<u8>, bool)> {
         let index = usize::from(number);
         if !self.is_addressed(device, number) || self.endpoints[index].type_in() == 0 {
-            return Packet::Silence;
+            return Err(Refused::Silence);
         }
         let endpoint = &mut self.endpoints[index];
         if endpoint.status & STALLRQ1 != 0 {
             endpoint.interrupts.flags |= STALL1;
-            return Packet::Stall;
+            return Err(Refused::Stall);
         }
         if endpoint.status & BK1RDY == 0 {
             self.nak(number, true);
-            return Packet::Nak;
+            return Err(Refused::Nak);
         }
-        let Some(mut bank) = self.bank(memory, number, 1) else {
-            return Packet::Silence;
-        };
+        let mut bank = self.bank(memory, number, 1)?;
         let (total, sent) = (bank.byte_count(), bank.multi_packet_size());
         let length = total.saturating_sub(sent).min(bank.size());
         let start = bank.address.wrapping_add(sent);
-        let Some(bytes) = memory.bytes(start, length as usize).map(<[u8]>::to_vec) else {
-            self.interrupts.flags |= RAMACER;
-            return Packet::Silence;
-        };
+        let bytes = memory.bytes(start, length as usize).map(<[u8]>::to_vec);
+        let bytes = self.in_memory(bytes)?;
         let sent = sent + length;
         let zero_packet = length == bank.size() && bank.pcksize & AUTO_ZLP != 0;
         bank.set_counts(total, sent);
-        if bank.store(memory).is_none() {
-            self.interrupts.flags |= RAMACER;
-            return Packet::Silence;
-        }
+        self.in_memory(bank.store(memory))?;
         let endpoint = &mut self.endpoints[index];
         let toggle = endpoint.status & DTGLIN != 0;
         endpoint.status ^= DTGLIN;
@@ -359,24 +343,15 @@ impl Usb {
             endpoint.status &= !BK1RDY;
             endpoint.interrupts.flags |= TRCPT1;
         }
-        Packet::Data(bytes, toggle)
+        Ok((bytes, toggle))
     }
 
     /// Bytes and counts into SRAM.
-    fn deliver(
-        &mut self,
-        memory: &mut Memory,
-        bank: &Bank,
-        start: u32,
-        bytes: &[u8],
-    ) -> Option<()> {
+    fn deliver(&mut self, memory: &mut Memory, bank: &Bank, start: u32, bytes: &[u8]) -> Answer {
         let done = memory
             .ram_bytes_mut(bank.address.wrapping_add(start), bytes.len())
             .map(|target| target.copy_from_slice(bytes))
             .and_then(|()| bank.store(memory));
-        if done.is_none() {
-            self.interrupts.flags |= RAMACER;
-        }
-        done
+        self.in_memory(done)
     }
 }

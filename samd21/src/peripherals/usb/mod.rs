@@ -31,7 +31,7 @@ mod endpoint;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use endpoint::{Handshake, Packet};
+pub(crate) use endpoint::Refused;
 
 use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::{Rate, SyncFlags};

@@ -48,15 +48,15 @@ fn a_setup_sets_and_clears_what_the_data_sheet_says() {
     config(&mut usb, 0, 0x11);
     put(&mut usb, 0, 1, 0xB0);
     let bytes = [0x80, 6, 0, 1, 0, 0, 8, 0];
-    assert_eq!(usb.setup(0, 0, bytes, &mut memory), Handshake::Ack);
+    assert_eq!(usb.setup(0, 0, bytes, &mut memory), Ok(()));
     assert_eq!(memory.bytes(0x2000_1000, 8), Some(&bytes[..]));
     assert_eq!(memory.read_u32(BASE + 4), Some(3 << 28 | 8));
     // BK0RDY, CURBK, DTGLIN, DTGLOUT; BK1RDY and STALLRQ gone.
     assert_eq!(status(&usb, 0), 0x47);
     assert_eq!(flags(&usb, 0), 0x10);
     // The data stage finds the bank taken, a second SETUP finds RXSTP set.
-    assert_eq!(usb.output(0, 0, true, &[1], &mut memory), Handshake::Nak);
-    assert_eq!(usb.setup(0, 0, bytes, &mut memory), Handshake::Silence);
+    assert_eq!(usb.output(0, 0, true, &[1], &mut memory), Err(Refused::Nak));
+    assert_eq!(usb.setup(0, 0, bytes, &mut memory), Err(Refused::Silence));
 }
 
 #[test]
@@ -64,13 +64,13 @@ fn the_device_answers_to_its_address_only() {
     let (mut usb, mut memory) = ready();
     config(&mut usb, 0, 0x11);
     usb.address = 5;
-    assert_eq!(usb.setup(5, 0, [0; 8], &mut memory), Handshake::Silence);
+    assert_eq!(usb.setup(5, 0, [0; 8], &mut memory), Err(Refused::Silence));
     usb.address = 0x85;
-    assert_eq!(usb.setup(0, 0, [0; 8], &mut memory), Handshake::Silence);
-    assert_eq!(usb.setup(5, 0, [0; 8], &mut memory), Handshake::Ack);
+    assert_eq!(usb.setup(0, 0, [0; 8], &mut memory), Err(Refused::Silence));
+    assert_eq!(usb.setup(5, 0, [0; 8], &mut memory), Ok(()));
     assert_eq!(
         usb.output(5, 3, false, &[], &mut memory),
-        Handshake::Silence
+        Err(Refused::Silence)
     );
 }
 
@@ -78,16 +78,19 @@ fn the_device_answers_to_its_address_only() {
 fn out_toggles_and_a_repeated_packet_is_dropped() {
     let (mut usb, mut memory) = ready();
     config(&mut usb, 2, 0x33);
-    assert_eq!(usb.output(0, 2, false, b"abc", &mut memory), Handshake::Ack);
+    assert_eq!(usb.output(0, 2, false, b"abc", &mut memory), Ok(()));
     assert_eq!(status(&usb, 2), 0x41);
     assert_eq!(flags(&usb, 2), 0x01);
-    assert_eq!(usb.output(0, 2, true, b"xyz", &mut memory), Handshake::Nak);
+    assert_eq!(
+        usb.output(0, 2, true, b"xyz", &mut memory),
+        Err(Refused::Nak)
+    );
     assert_eq!(flags(&usb, 2), 0x05);
     put(&mut usb, 2, 0, 0x40);
     put(&mut usb, 2, 3, 0x05);
-    assert_eq!(usb.output(0, 2, false, b"abc", &mut memory), Handshake::Ack);
+    assert_eq!(usb.output(0, 2, false, b"abc", &mut memory), Ok(()));
     assert_eq!((status(&usb, 2), flags(&usb, 2)), (0x01, 0), "dropped");
-    assert_eq!(usb.output(0, 2, true, b"xyz", &mut memory), Handshake::Ack);
+    assert_eq!(usb.output(0, 2, true, b"xyz", &mut memory), Ok(()));
     assert_eq!(memory.bytes(0x2000_1800, 3), Some(&b"xyz"[..]));
 }
 
@@ -97,15 +100,9 @@ fn out_gathers_packets_up_to_the_multi_packet_size() {
     config(&mut usb, 2, 0x33);
     let pcksize = BASE + 2 * 32 + 4;
     memory.write_u32(pcksize, 3 << 28 | 128 << 14).unwrap();
-    assert_eq!(
-        usb.output(0, 2, false, &[1; 64], &mut memory),
-        Handshake::Ack
-    );
+    assert_eq!(usb.output(0, 2, false, &[1; 64], &mut memory), Ok(()));
     assert_eq!(status(&usb, 2) & 0x40, 0);
-    assert_eq!(
-        usb.output(0, 2, true, &[2; 64], &mut memory),
-        Handshake::Ack
-    );
+    assert_eq!(usb.output(0, 2, true, &[2; 64], &mut memory), Ok(()));
     assert_eq!(status(&usb, 2) & 0x40, 0x40);
     assert_eq!(memory.read_u32(pcksize).unwrap() & 0x3FFF, 128);
     assert_eq!(memory.bytes(0x2000_1800 + 64, 1), Some(&[2][..]));
@@ -120,15 +117,15 @@ fn in_sends_a_long_transfer_in_packets_with_a_zero_packet_if_asked() {
         memory.write_u32(BASE + 2 * 32 + 20, pcksize).unwrap();
         let source = memory.ram_bytes_mut(0x2000_1A00, 128).unwrap();
         source.iter_mut().zip(0..).for_each(|(byte, n)| *byte = n);
-        assert_eq!(usb.input(0, 2, &mut memory), Packet::Nak);
+        assert_eq!(usb.input(0, 2, &mut memory), Err(Refused::Nak));
         assert_eq!(flags(&usb, 2), 0x08);
         put(&mut usb, 2, 1, 0x80);
-        let packet = |from: u8, toggle| Packet::Data((from..from + 64).collect(), toggle);
+        let packet = |from: u8, toggle| Ok(((from..from + 64).collect(), toggle));
         assert_eq!(usb.input(0, 2, &mut memory), packet(0, false));
         assert_eq!(status(&usb, 2) & 0x80, 0x80);
         assert_eq!(usb.input(0, 2, &mut memory), packet(64, true));
         if zero_packet {
-            assert_eq!(usb.input(0, 2, &mut memory), Packet::Data(vec![], false));
+            assert_eq!(usb.input(0, 2, &mut memory), Ok((vec![], false)));
         }
         assert_eq!(status(&usb, 2) & 0x80, 0);
         assert_eq!(flags(&usb, 2) & 0x02, 0x02);
@@ -140,11 +137,14 @@ fn stall_answers_both_ways_until_a_setup() {
     let (mut usb, mut memory) = ready();
     config(&mut usb, 0, 0x11);
     put(&mut usb, 0, 1, 0x30);
-    assert_eq!(usb.input(0, 0, &mut memory), Packet::Stall);
-    assert_eq!(usb.output(0, 0, true, &[], &mut memory), Handshake::Stall);
+    assert_eq!(usb.input(0, 0, &mut memory), Err(Refused::Stall));
+    assert_eq!(
+        usb.output(0, 0, true, &[], &mut memory),
+        Err(Refused::Stall)
+    );
     assert_eq!(flags(&usb, 0), 0x60);
-    assert_eq!(usb.setup(0, 0, [0; 8], &mut memory), Handshake::Ack);
-    assert_eq!(usb.input(0, 0, &mut memory), Packet::Nak);
+    assert_eq!(usb.setup(0, 0, [0; 8], &mut memory), Ok(()));
+    assert_eq!(usb.input(0, 0, &mut memory), Err(Refused::Nak));
 }
 
 #[test]
@@ -153,7 +153,7 @@ fn a_bus_reset_clears_all_but_the_ready_bits_and_endpoint_zero() {
     config(&mut usb, 0, 0x11);
     config(&mut usb, 2, 0x33);
     usb.endpoints[2].write(8, Lanes::new(0x03, 1, 1)).unwrap();
-    assert_eq!(usb.output(0, 2, false, b"abc", &mut memory), Handshake::Ack);
+    assert_eq!(usb.output(0, 2, false, b"abc", &mut memory), Ok(()));
     assert_eq!(usb.summary(), 1 << 2);
     usb.address = 0x85;
     usb.bus_reset(Ticks::from_ms(1));
@@ -171,7 +171,7 @@ fn descriptors_outside_of_sram_are_an_access_error() {
     let (mut usb, mut memory) = ready();
     config(&mut usb, 0, 0x11);
     usb.descriptors = 0x3000_0000;
-    assert_eq!(usb.setup(0, 0, [0; 8], &mut memory), Handshake::Silence);
+    assert_eq!(usb.setup(0, 0, [0; 8], &mut memory), Err(Refused::Silence));
     assert_eq!(usb.interrupts.flags, RAMACER);
 }
 
