@@ -49,7 +49,7 @@ pub(super) fn switch(
 }
 
 /// A timed fault as it stands in a scenario file and in the figures of a flight.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultEntry {
     /// Name of its kind.

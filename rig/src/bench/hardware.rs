@@ -5,6 +5,7 @@
 
 mod keys;
 
+pub(crate) use keys::number;
 pub use keys::{Key, keys};
 
 use super::BenchConfig;

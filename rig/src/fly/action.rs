@@ -6,7 +6,8 @@ use std::str::FromStr;
 
 use samd21::board::Ticks;
 
-use crate::bench::{FaultEntry, Hardware, Since};
+use crate::bench::hardware::number;
+use crate::bench::{FaultEntry, Hardware};
 use crate::bno055::{Fault, FaultKind};
 use crate::disturbance::{SupplySag, Temperature, ThrustRamp, Vibration};
 use crate::rig::ProgramEnd;
@@ -193,17 +194,6 @@ fn first(usage: &str) -> &str {
     usage.split(' ').next().unwrap_or_default()
 }
 
-fn number(text: &str, range: RangeInclusive<f64>) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number| range.contains(number));
-    number.ok_or_else(|| {
-        format!(
-            "`{text}` is no number from {} to {}",
-            range.start(),
-            range.end()
-        )
-    })
-}
-
 fn unless_off<T: FromStr<Err = String>>(text: &str) -> Result<Option<T>, String> {
     (text != "off").then(|| text.parse()).transpose()
 }
@@ -213,12 +203,7 @@ fn fault(kind: &str, settings: &[&str]) -> Result<Action, String> {
     let kind: FaultKind = kind.parse()?;
     let mut entry = FaultEntry {
         kind: kind.to_string(),
-        since: Since::default(),
-        at_s: 0.0,
-        for_s: None,
-        probability: None,
-        stretch_ms: None,
-        clocks: None,
+        ..FaultEntry::default()
     };
     for setting in settings {
         let (key, value) = setting.split_once('=').unwrap_or((setting, ""));

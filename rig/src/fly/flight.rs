@@ -253,7 +253,8 @@ pub fn fly_at_once(
     let mut ready = boot(image, &setup)?;
     let begun = Mark::of(&ready.rig);
     ready.arm(Stage::Boot, STANDBY_PATIENCE, progress)?;
-    ready.release([start_rad, 0.0], 0.0, seconds, begun, progress)
+    ready.station.release(&mut ready.rig, 0.0)?;
+    ready.fly_on([start_rad, 0.0], seconds, begun, progress)
 }
 
 /// Boots `image` and sends it its parameters.
@@ -313,13 +314,8 @@ impl Ready {
         let begun = Mark::of(&self.rig);
         let mut fork = self.armed(release.tilt_rad, progress)?;
         fork.rig.environment_mut().set_spin(release.spin_rad_s);
-        fork.release(
-            release.tilt_rad,
-            release.rate_rad_s,
-            seconds,
-            begun,
-            progress,
-        )
+        fork.station.release(&mut fork.rig, release.rate_rad_s)?;
+        fork.fly_on(release.tilt_rad, seconds, begun, progress)
     }
 
     /// On a clone of the rig, which has a rocket on its pad: tilts the rail to `tilt_rad`, arms the
@@ -339,13 +335,8 @@ impl Ready {
         let mut fork = self.armed(tilt_rad, progress)?;
         fork.watch(Stage::Tilt, Ticks::from_secs_f64(countdown_s), progress)?;
         fork.rig.environment_mut().truth_mut().clear();
-        fork.station.begin_measurement();
         fork.rig.release(0.0);
-        let ignited = fork.rig.now();
-        let mark = Mark::of(&fork.rig);
-        let end = ignited + Ticks::from_secs_f64(seconds);
-        fork.watch_until(Stage::Flight, ignited, end, progress)?;
-        fork.record(tilt_rad, ignited..end, begun, mark)
+        fork.fly_on(tilt_rad, seconds, begun, progress)
     }
 
     /// A clone with the drone tilted to `start_rad`, pitch and roll, and armed, at a random phase
@@ -374,16 +365,14 @@ impl Ready {
         Ok(())
     }
 
-    /// Releases the drone, which is armed, and records the flight.
-    fn release(
+    /// Records the flight of the vehicle that was let go just now.
+    fn fly_on(
         mut self,
         start_rad: [f64; Axis::COUNT],
-        rate_rad_s: f64,
         seconds: f64,
         begun: Mark,
         progress: Watch<'_>,
     ) -> Flown<FlightRecord> {
-        self.station.release(&mut self.rig, rate_rad_s)?;
         let released = self.rig.now();
         self.station.begin_measurement();
         let mark = Mark::of(&self.rig);
@@ -527,7 +516,7 @@ fn clock_offset_us(rig: &Rig, received: &Received, alone: bool) -> Option<f64> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mark {
     pub(crate) at: Ticks,
-    counters: Counters,
+    pub(crate) counters: Counters,
 }
 
 impl Mark {

@@ -3,7 +3,7 @@
 use samd21::board::Ticks;
 use samd21::chip::Profile;
 
-use super::flight::{FlightError, Progress, Ready, Stage};
+use super::flight::{FlightError, Mark, Progress, Ready, Stage};
 use crate::rig::{Rig, RigError};
 
 /// A window of time in which cycles were counted by address.
@@ -35,10 +35,10 @@ impl Ready {
     ) -> Result<Window, FlightError> {
         let mut fork = self.armed([start_rad, 0.0], progress)?;
         fork.station.release(&mut fork.rig, rate_rad_s)?;
-        let begin = Begin::of(&mut fork.rig);
-        let end = begin.at + Ticks::from_secs_f64(seconds);
-        fork.watch_until(Stage::Flight, begin.at, end, progress)?;
-        Ok(begin.end(&mut fork.rig))
+        let begin = begin(&mut fork.rig);
+        let until = begin.at + Ticks::from_secs_f64(seconds);
+        fork.watch_until(Stage::Flight, begin.at, until, progress)?;
+        Ok(end(begin, &mut fork.rig))
     }
 }
 
@@ -47,9 +47,9 @@ impl Ready {
 /// # Errors
 /// The rig stopped.
 pub fn run(rig: &mut Rig, seconds: f64, progress: &mut dyn FnMut(f64)) -> Result<Window, RigError> {
-    let begin = Begin::of(rig);
+    let begin = begin(rig);
     advance(rig, seconds, progress)?;
-    Ok(begin.end(rig))
+    Ok(end(begin, rig))
 }
 
 /// Runs any image for `seconds` without a profile. `progress` gets the time since power-on, s.
@@ -66,33 +66,20 @@ pub fn advance(rig: &mut Rig, seconds: f64, progress: &mut dyn FnMut(f64)) -> Re
     Ok(())
 }
 
-struct Begin {
-    at: Ticks,
-    cycles: u64,
-    sleep_ticks: u64,
+fn begin(rig: &mut Rig) -> Mark {
+    rig.chip_mut().begin_profile();
+    Mark::of(rig)
 }
 
-impl Begin {
-    fn of(rig: &mut Rig) -> Self {
-        rig.chip_mut().begin_profile();
-        let counters = rig.counters();
-        Self {
-            at: rig.now(),
-            cycles: counters.cycles,
-            sleep_ticks: counters.sleep_ticks,
-        }
-    }
-
-    fn end(self, rig: &mut Rig) -> Window {
-        let counters = rig.counters();
-        let window = self.at..rig.now();
-        let steps = rig.truth().steps.iter();
-        Window {
-            cycles: counters.cycles - self.cycles,
-            seconds: (window.end - window.start).as_secs_f64(),
-            asleep_s: Ticks(counters.sleep_ticks - self.sleep_ticks).as_secs_f64(),
-            steps: steps.filter(|step| window.contains(&step.start)).count(),
-            profile: rig.chip_mut().end_profile(),
-        }
+fn end(begin: Mark, rig: &mut Rig) -> Window {
+    let now = Mark::of(rig);
+    let window = begin.at..now.at;
+    let steps = rig.truth().steps.iter();
+    Window {
+        cycles: now.counters.cycles - begin.counters.cycles,
+        seconds: (now.at - begin.at).as_secs_f64(),
+        asleep_s: Ticks(now.counters.sleep_ticks - begin.counters.sleep_ticks).as_secs_f64(),
+        steps: steps.filter(|step| window.contains(&step.start)).count(),
+        profile: rig.chip_mut().end_profile(),
     }
 }

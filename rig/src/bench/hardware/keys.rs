@@ -214,7 +214,7 @@ fn put<T>(field: &mut T, value: Result<T, String>) -> Result<(), String> {
 }
 
 /// A number within `limits`.
-fn number<T>(text: &str, limits: RangeInclusive<T>) -> Result<T, String>
+pub(crate) fn number<T>(text: &str, limits: RangeInclusive<T>) -> Result<T, String>
 where
     T: FromStr + PartialOrd + Display,
 {
