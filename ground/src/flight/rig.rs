@@ -256,13 +256,10 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
         options.seed,
         options.tilt
     );
-    let pilot = Pilot::new(options.tilt, RELEASE_RATE_RAD_S)
-        .with_roll(options.roll)
-        .with_manner(options.hand);
-    let mut running = RealTime::new(rig, pilot, pty).at_speed(options.speed);
-    if let Some(control) = link.as_mut().and_then(|link| link.control.take()) {
-        running = running.with_control(control);
-    }
+    let start_rad = [options.tilt, options.roll];
+    let pilot = Pilot::new(start_rad, RELEASE_RATE_RAD_S, options.hand);
+    let control = link.as_mut().and_then(|link| link.control.take());
+    let mut running = RealTime::new(rig, pilot, pty, control, options.speed);
     let longest = options.seconds.map(Duration::from_secs_f64);
     let mut report = |at_s: f64, line: &str| eprintln!("{at_s:9.3} s  {line}");
     let mut plugged = |path: &Path| {

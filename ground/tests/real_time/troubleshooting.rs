@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 use client::{StateKind, request};
 use rig::action::Action;
 use rig::ground_station::{GroundStation, GroundStationError};
-use rig::pilot::Pilot;
+use rig::pilot::{Manner, Pilot};
 use rig::{Image, Ready, ServoKind, Setup, Ticks, image, prepare};
 
 const PAGE: &str = include_str!("../../../docs/troubleshooting.md");
@@ -85,7 +85,7 @@ impl Bench {
         let ready = ready();
         let texts = ready.station.received().texts.len();
         Self {
-            pilot: Pilot::new(0.3, 0.2),
+            pilot: Pilot::new([0.3, 0.0], 0.2, Manner::Steady),
             said: Vec::new(),
             texts,
             ready,

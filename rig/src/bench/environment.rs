@@ -20,7 +20,6 @@ use super::clamp::Clamp;
 use super::config::{BenchConfig, VehicleConfig, hang};
 use super::disturbance::Disturbances;
 use super::sensor_motion::{HeldSensor, SensorMotion};
-use super::stimulus::PitchMotion;
 use super::vehicle::Vehicle;
 use super::{
     EarthField, Hardware, Knock, Magnet, Since, TimedFault, Wiring, fault_schedule, stimulus,
@@ -56,9 +55,8 @@ pub struct Environment {
     /// The sensor's errors at a constant temperature.
     errors: ImuErrors,
     lever_m: [f64; 3],
-    /// How the drone moved in the last step: on a pivot, and in a joint by its rates.
-    motion: PitchMotion,
-    rates: Vector3<f64>,
+    /// Rates about the body's axes, rad/s, and their mean change in the last step, rad/s^2.
+    turning: (Vector3<f64>, Vector3<f64>),
     /// Rate about its own vertical with which it is released, rad/s.
     spin_rad_s: f64,
     heading_rad: f64,
@@ -108,8 +106,7 @@ impl Environment {
             sensor: Bno055::new(sensor),
             errors: bench.sensor.errors,
             lever_m: bench.lever_m,
-            motion: PitchMotion::default(),
-            rates: Vector3::zeros(),
+            turning: (Vector3::zeros(), Vector3::zeros()),
             spin_rad_s: match &bench.vehicle {
                 VehicleConfig::TwoAxes(two) => two.spin_rad_s,
                 VehicleConfig::OneAxis | VehicleConfig::Rocket(_) => 0.0,
@@ -343,7 +340,7 @@ impl Environment {
     /// What is seen of drone and servos; the clamp moves a held drone at `tilt_rad_s`.
     fn seen(&self, now: Ticks, cranks: [Crank; 2], tilt_rad_s: [f64; 2]) -> Motion {
         let [pitch_rad, roll_rad] = self.vehicle.level_tilt_rad(self.heading_rad);
-        let [pitch_rate, roll_rate] = self.vehicle.rates_rad_s();
+        let [roll_rate, pitch_rate, _] = self.vehicle.rates_rad_s();
         let [pitch_tilt, roll_tilt] = tilt_rad_s;
         let [rudder_rad, roll_rudder_rad] = self.vehicle.rudders_rad();
         let [target_rad, roll_target_rad] = self.targets_rad();
@@ -368,20 +365,12 @@ impl Environment {
     fn felt(&mut self, now: Ticks, dt_s: f64, tilt_rad_s: [f64; Axis::COUNT]) -> Stimulus {
         // Accelerations are the mean over the step, so that a jump of the rate, as at the release,
         // is felt once.
-        let [pitch_rate, roll_rate] = self.vehicle.rates_rad_s();
-        let rate_rad_s = pitch_rate + tilt_rad_s[0];
-        let acceleration_rad_s2 = (rate_rad_s - self.motion.rate_rad_s) / dt_s;
-        self.motion = PitchMotion {
-            pitch_rad: self.vehicle.pitch_rad(),
-            rate_rad_s,
-            acceleration_rad_s2,
-        };
-        let spin = self.vehicle.spin_rad_s();
-        let rates = Vector3::new(roll_rate + tilt_rad_s[1], rate_rad_s, spin);
-        let accelerations = (rates - std::mem::replace(&mut self.rates, rates)) / dt_s;
+        let [roll, pitch, spin] = self.vehicle.rates_rad_s();
+        let rates = Vector3::new(roll + tilt_rad_s[1], pitch + tilt_rad_s[0], spin);
+        self.turning = (rates, (rates - self.turning.0) / dt_s);
         let mut felt = match self.felt_in_hand(dt_s) {
             Some(felt) => felt,
-            None => self.felt_on_drone(now, accelerations),
+            None => self.felt_on_drone(now),
         };
         let since_s = |begun: Ticks| (now - begun).as_secs_f64();
         if let Some((knock, begun)) = &self.knock {
@@ -397,7 +386,7 @@ impl Environment {
 
     /// What the sensor feels while it is off the drone.
     fn felt_in_hand(&mut self, dt_s: f64) -> Option<Stimulus> {
-        let gravity = self.gravity_m_s2();
+        let gravity = self.vehicle.gravity_m_s2();
         let (sensor, back) = self.held_sensor.as_mut()?;
         let rate = sensor.advance(dt_s);
         let mut felt = stimulus::in_hand(&sensor.attitude(), rate, &self.field, gravity);
@@ -409,11 +398,13 @@ impl Environment {
     }
 
     /// What the sensor feels on the drone, with the propeller's vibration while the drone is free.
-    fn felt_on_drone(&self, now: Ticks, accelerations: Vector3<f64>) -> Stimulus {
-        let gravity = self.gravity_m_s2();
+    fn felt_on_drone(&self, now: Ticks) -> Stimulus {
+        let gravity = self.vehicle.gravity_m_s2();
+        let (rates, accelerations) = self.turning;
         let mut felt = match &self.vehicle {
             Vehicle::Pivot(_) => stimulus::on_drone(
-                &self.motion,
+                self.vehicle.pitch_rad(),
+                (rates.y, accelerations.y),
                 self.lever_m,
                 self.heading_rad,
                 &self.field,
@@ -421,14 +412,12 @@ impl Environment {
             ),
             Vehicle::Joint(drone) => stimulus::in_joint(
                 &drone.attitude(),
-                (self.rates, accelerations),
+                self.turning,
                 self.lever_m,
                 &self.field,
                 gravity,
             ),
-            Vehicle::Rocket(rocket) => {
-                stimulus::in_ascent(rocket.ascent(), self.rates, &self.field)
-            }
+            Vehicle::Rocket(rocket) => stimulus::in_ascent(rocket.ascent(), rates, &self.field),
         };
         if let Some(vibration) = self.disturbances.vibration
             && self.clamp.open_for(now).is_some()
@@ -438,10 +427,6 @@ impl Environment {
             add(&mut felt.rate_rad_s, rate);
         }
         felt
-    }
-
-    fn gravity_m_s2(&self) -> f64 {
-        self.vehicle.gravity_m_s2()
     }
 
     /// Sets the servo's supply and the thrust to what they are now.

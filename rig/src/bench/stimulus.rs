@@ -6,62 +6,40 @@ use nalgebra::{UnitQuaternion, Vector3};
 use plant::ascent::Ascent;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// How the drone turns about its pivot: nose up is positive.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct PitchMotion {
-    pub(super) pitch_rad: f64,
-    pub(super) rate_rad_s: f64,
-    /// Change of the rate, rad/s^2.
-    pub(super) acceleration_rad_s2: f64,
-}
-
-impl PitchMotion {
-    /// Acceleration, m/s^2, of a point of the drone at `lever_m` from the pivot; both along the
-    /// body's axes.
-    ///
-    /// The drone turns with `w = (0, q, 0)`, and the pivot stands still, so that a point `r` has
-    /// the acceleration `dw/dt x r + w x (w x r) = (q' z - q^2 x, 0, -q' x - q^2 z)`: the first
-    /// terms are tangential, the second point to the axis.
-    fn acceleration_m_s2(&self, [x, _, z]: [f64; 3]) -> [f64; 3] {
-        let tangential = self.acceleration_rad_s2;
-        let centripetal = self.rate_rad_s * self.rate_rad_s;
-        [
-            tangential * z - centripetal * x,
-            0.0,
-            -tangential * x - centripetal * z,
-        ]
-    }
-}
-
-/// For a sensor at `lever_m` (body axes) from the pivot of a drone whose nose points to
-/// `heading_rad` from true north, along the sensor's axes, which are the body's. `gravity` in
-/// m/s^2.
+/// For a sensor at `lever_m` (body axes) from the pivot of a drone that turns about it with a rate
+/// (rad/s, nose up) and an acceleration (rad/s^2), and whose nose points to `heading_rad` from true
+/// north; along the sensor's axes, which are the body's. `gravity` in m/s^2.
+///
+/// The drone turns with `w = (0, q, 0)`, and the pivot stands still, so that a point `r` has the
+/// acceleration `dw/dt x r + w x (w x r) = (q' z - q^2 x, 0, -q' x - q^2 z)`: the first terms are
+/// tangential, the second point to the axis.
 pub(super) fn on_drone(
-    motion: &PitchMotion,
-    lever_m: [f64; 3],
+    pitch_rad: f64,
+    (rate_rad_s, tangential): (f64, f64),
+    [x, _, z]: [f64; 3],
     heading_rad: f64,
     field: &EarthField,
     gravity: f64,
 ) -> Stimulus {
-    let (sin_pitch, cos_pitch) = motion.pitch_rad.sin_cos();
-    let [ahead_m_s2, _, down_m_s2] = motion.acceleration_m_s2(lever_m);
+    let (sin_pitch, cos_pitch) = pitch_rad.sin_cos();
+    let centripetal = rate_rad_s * rate_rad_s;
     let (sin_heading, cos_heading) = heading_rad.sin_cos();
     let [north, east, down] = field.north_east_down();
     let ahead = cos_heading * north + sin_heading * east;
     let right = -sin_heading * north + cos_heading * east;
     Stimulus {
         specific_force_m_s2: [
-            gravity * sin_pitch + ahead_m_s2,
+            gravity * sin_pitch + (tangential * z - centripetal * x),
             0.0,
-            -gravity * cos_pitch + down_m_s2,
+            -gravity * cos_pitch + (-tangential * x - centripetal * z),
         ],
-        rate_rad_s: [0.0, motion.rate_rad_s, 0.0],
+        rate_rad_s: [0.0, rate_rad_s, 0.0],
         field_ut: [
             cos_pitch * ahead - sin_pitch * down,
             right,
             sin_pitch * ahead + cos_pitch * down,
         ],
-        attitude: attitude(motion.pitch_rad, heading_rad - field.declination_rad),
+        attitude: attitude(pitch_rad, heading_rad - field.declination_rad),
     }
 }
 
@@ -122,14 +100,18 @@ pub(super) fn in_hand(
 mod tests {
     use super::*;
 
-    const TURNING: PitchMotion = PitchMotion {
-        pitch_rad: 0.0,
-        rate_rad_s: 3.0,
-        acceleration_rad_s2: 20.0,
-    };
+    const TURNING: (f64, f64) = (3.0, 20.0);
 
-    fn felt(motion: &PitchMotion, lever_m: [f64; 3]) -> [f64; 3] {
-        on_drone(motion, lever_m, 0.0, &EarthField::COPENHAGEN, 9.81).specific_force_m_s2
+    fn felt(pitch_rad: f64, lever_m: [f64; 3]) -> [f64; 3] {
+        on_drone(
+            pitch_rad,
+            TURNING,
+            lever_m,
+            0.0,
+            &EarthField::COPENHAGEN,
+            9.81,
+        )
+        .specific_force_m_s2
     }
 
     fn near(a: [f64; 3], b: [f64; 3]) {
@@ -143,30 +125,26 @@ mod tests {
     /// pulled up with 0.9 m/s2. To the right, on the axis, it feels nothing.
     #[test]
     fn off_the_pivot_the_motion_itself_is_felt() {
-        near(felt(&TURNING, [0.0; 3]), [0.0, 0.0, -9.81]);
-        near(felt(&TURNING, [0.1, 0.0, 0.0]), [-0.9, 0.0, -11.81]);
-        near(felt(&TURNING, [0.0, 0.0, 0.1]), [2.0, 0.0, -10.71]);
-        near(felt(&TURNING, [0.0, 0.1, 0.0]), [0.0, 0.0, -9.81]);
+        near(felt(0.0, [0.0; 3]), [0.0, 0.0, -9.81]);
+        near(felt(0.0, [0.1, 0.0, 0.0]), [-0.9, 0.0, -11.81]);
+        near(felt(0.0, [0.0, 0.0, 0.1]), [2.0, 0.0, -10.71]);
+        near(felt(0.0, [0.0, 0.1, 0.0]), [0.0, 0.0, -9.81]);
     }
 
     /// The formula against the second difference of where the sensor is in the earth's axes.
     #[test]
     fn it_is_the_acceleration_of_the_place_where_the_sensor_is() {
         let lever_m = [0.05, 0.02, -0.12];
-        let motion = PitchMotion {
-            pitch_rad: 0.4,
-            ..TURNING
-        };
+        let (rate, acceleration) = TURNING;
         let body = |t: f64| {
-            let pitch =
-                motion.pitch_rad + motion.rate_rad_s * t + 0.5 * motion.acceleration_rad_s2 * t * t;
+            let pitch = 0.4 + rate * t + 0.5 * acceleration * t * t;
             UnitQuaternion::from_euler_angles(0.0, pitch, 0.0)
         };
         let place = |t: f64| body(t) * Vector3::from(lever_m);
         let h = 1e-4;
         let acceleration = (place(h) - 2.0 * place(0.0) + place(-h)) / (h * h);
         let expected = body(0.0).inverse() * (acceleration - Vector3::new(0.0, 0.0, 9.81));
-        let felt = Vector3::from(felt(&motion, lever_m));
+        let felt = Vector3::from(felt(0.4, lever_m));
         assert!((felt - expected).norm() < 1e-5, "{felt} {expected}");
     }
 }

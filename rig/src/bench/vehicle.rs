@@ -58,27 +58,12 @@ impl Vehicle {
         }
     }
 
-    /// The rate about the body's z, rad/s.
-    pub(super) fn spin_rad_s(&self) -> f64 {
+    /// The rates about the body's x, y and z, rad/s: roll, pitch and spin.
+    pub fn rates_rad_s(&self) -> [f64; 3] {
         match self {
-            Self::Pivot(_) => 0.0,
-            Self::Joint(drone) => drone.rates_rad_s()[2],
-            Self::Rocket(rocket) => rocket.ascent().rates_rad_s()[2],
-        }
-    }
-
-    /// The rates about the body's y and x, rad/s.
-    pub fn rates_rad_s(&self) -> [f64; Axis::COUNT] {
-        match self {
-            Self::Pivot(drone) => [drone.rate_rad_s(), 0.0],
-            Self::Joint(drone) => {
-                let [roll, pitch, _] = drone.rates_rad_s();
-                [pitch, roll]
-            }
-            Self::Rocket(rocket) => {
-                let [roll, pitch, _] = rocket.ascent().rates_rad_s();
-                [pitch, roll]
-            }
+            Self::Pivot(drone) => [0.0, drone.rate_rad_s(), 0.0],
+            Self::Joint(drone) => drone.rates_rad_s(),
+            Self::Rocket(rocket) => rocket.ascent().rates_rad_s(),
         }
     }
 

@@ -89,31 +89,20 @@ pub struct Look {
 }
 
 impl Pilot {
-    /// Releases the drone from the tilt `start_rad`, rad, with a rate of `rate_rad_s`, rad/s.
-    pub fn new(start_rad: f64, rate_rad_s: f64) -> Self {
+    /// Releases the drone from the tilt `start_rad`, pitch and roll, rad, with a rate of
+    /// `rate_rad_s`, rad/s. Does what a calibration asks for in this manner.
+    pub fn new(start_rad: [f64; Axis::COUNT], rate_rad_s: f64, manner: Manner) -> Self {
         Self {
             link: Wire::default(),
             station: Wire::default(),
-            manner: Manner::default(),
-            start_rad: [start_rad, 0.0],
+            manner,
+            start_rad,
             rate_rad_s,
             state: None,
             check_rudder_at: None,
             clamp: None,
             ending: Vec::new(),
         }
-    }
-
-    /// Releases it from this roll, too, rad, where it hangs in a joint.
-    pub fn with_roll(mut self, roll_rad: f64) -> Self {
-        self.start_rad[1] = roll_rad;
-        self
-    }
-
-    /// Does what a calibration asks for in this manner.
-    pub fn with_manner(mut self, manner: Manner) -> Self {
-        self.manner = manner;
-        self
     }
 
     /// Reads what the program at the port has sent, and follows its prompts.

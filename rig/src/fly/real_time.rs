@@ -78,34 +78,23 @@ pub struct RealTime {
 }
 
 impl RealTime {
-    /// A rig whose port no program has opened yet.
-    pub fn new(mut rig: Rig, pilot: Pilot, pty: Pty) -> Self {
+    /// A rig whose port no program has opened yet, and whose clock runs `speed` times as fast as
+    /// real time. With `control`, other programs act on it.
+    pub fn new(mut rig: Rig, pilot: Pilot, pty: Pty, control: Option<Control>, speed: f64) -> Self {
         rig.usb_host_mut().set_dtr(false);
         Self {
             window_start: rig.now(),
             rig,
             pilot,
             pty: Some(pty),
-            control: None,
+            control,
             open: false,
             baud: None,
             outgoing: Vec::new(),
             bootloader: None,
-            speed: 1.0,
+            speed,
             summary: Summary::default(),
         }
-    }
-
-    /// Runs the rig's clock `speed` times as fast as real time.
-    pub fn at_speed(mut self, speed: f64) -> Self {
-        self.speed = speed;
-        self
-    }
-
-    /// Lets other programs act on the rig.
-    pub fn with_control(mut self, control: Control) -> Self {
-        self.control = Some(control);
-        self
     }
 
     /// Runs until `stop` is set or `longest` is over. `report` gets lines to show to a person, with

@@ -1,26 +1,19 @@
 //! The servos that the drone flies with.
 
+use crate::named_enum::named_enum;
 use plant::ServoModel;
 
-/// The servo on the rig, with what the image must be told about it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-pub enum ServoKind {
+named_enum! {
+    /// The servo on the rig, with what the image must be told about it.
+    #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+    ServoKind, "servo";
     /// Analog, Futaba S3003 class: 0.19 s for 60 degrees, 50 Hz frame.
-    S3003,
+    S3003 = "s3003",
     /// Digital: 0.12 s for 60 degrees, 300 Hz frame.
-    Digital,
+    Digital = "digital",
 }
 
 impl ServoKind {
-    /// Its name on the command line and in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::S3003 => "s3003",
-            Self::Digital => "digital",
-        }
-    }
-
     /// Its physical model.
     pub fn model(self) -> ServoModel {
         match self {

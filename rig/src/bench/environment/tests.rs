@@ -11,12 +11,9 @@ fn environment(bench: BenchConfig) -> Environment {
 
 fn on_drone(environment: &Environment, pitch_rad: f64, rate_rad_s: f64) -> Stimulus {
     let mut environment = environment.clone();
-    environment.motion = PitchMotion {
-        pitch_rad,
-        rate_rad_s,
-        ..PitchMotion::default()
-    };
-    environment.felt_on_drone(Ticks::ZERO, Vector3::zeros())
+    environment.vehicle.clamp([pitch_rad, 0.0]);
+    environment.turning.0.y = rate_rad_s;
+    environment.felt_on_drone(Ticks::ZERO)
 }
 
 fn near(a: [f64; 3], b: [f64; 3]) {
@@ -191,7 +188,7 @@ fn a_gust_turns_a_free_drone_and_what_is_off_acts_no_more() {
             environment.gust(torque_n_m, seconds);
         }
         environment.advance(Ticks::from_ms(100));
-        environment.vehicle().rates_rad_s()[0]
+        environment.vehicle().rates_rad_s()[1]
     };
     let gained = rate(Some((0.2, 0.1))) - rate(None);
     assert!((0.15..0.165).contains(&gained), "{gained}");
@@ -258,8 +255,8 @@ fn a_sensor_off_the_pivot_feels_how_the_drone_moves() {
     });
     let felt = |environment: &Environment| {
         let mut level = environment.clone();
-        level.motion.pitch_rad = 0.0;
-        level.felt_on_drone(Ticks::ZERO, Vector3::zeros())
+        level.vehicle.clamp([0.0; 2]);
+        level.felt_on_drone(Ticks::ZERO)
     };
     environment.advance(Ticks::from_ms(100));
     near(felt(&environment).specific_force_m_s2, [0.0, 0.0, -9.81]);
