@@ -51,7 +51,6 @@ pub struct Drone {
     pitch_rad: f64,
     momentum: f64,
     crank: Crank,
-    crank_acc_rad_s2: f64,
     at: Configuration,
 }
 
@@ -75,7 +74,6 @@ impl Drone {
             pitch_rad,
             momentum: at.m00 * rate_rad_s,
             crank,
-            crank_acc_rad_s2: 0.0,
             at,
         })
     }
@@ -119,7 +117,6 @@ impl Drone {
     pub fn place_crank(&mut self, angle_rad: f64) {
         let rate = self.rate_rad_s();
         self.crank = Crank::at_rest(angle_rad);
-        self.crank_acc_rad_s2 = 0.0;
         self.at = self.mechanism.configuration(angle_rad);
         self.set_rate(rate);
     }
@@ -152,7 +149,6 @@ impl Drone {
             self.momentum += dt_s * mean(1);
         }
         self.crank = end;
-        self.crank_acc_rad_s2 = (end.rate_rad_s - start.rate_rad_s) / dt_s;
         self.at = finish;
         if self.held {
             self.set_rate(0.0);
@@ -174,26 +170,9 @@ impl Drone {
         (self.momentum - self.at.m01 * self.crank.rate_rad_s) / self.at.m00
     }
 
-    /// Pitch acceleration, in rad/s2, with the crank's mean acceleration over the last step. Zero
-    /// while held; the push of a tether stop is left out.
-    pub fn acceleration_rad_s2(&self) -> f64 {
-        if self.held {
-            return 0.0;
-        }
-        let (at, rate, v1) = (&self.at, self.rate_rad_s(), self.crank.rate_rad_s);
-        let load = self.mechanism.pitch_load(at, self.pitch_rad, rate);
-        (load - at.m00_slope * v1 * rate - at.m01_slope * v1 * v1 - at.m01 * self.crank_acc_rad_s2)
-            / at.m00
-    }
-
     /// The crank as last given.
     pub fn crank(&self) -> Crank {
         self.crank
-    }
-
-    /// Link angle `theta2`, in rad.
-    pub fn link_rad(&self) -> f64 {
-        self.at.linkage.link_rad
     }
 
     /// Rudder angle `theta3`, in rad.
@@ -227,6 +206,17 @@ mod tests {
 
     const DT_S: f64 = 0.5e-3;
 
+    impl Drone {
+        /// Pitch acceleration, in rad/s2, with this acceleration of the crank. The push of a tether
+        /// stop is left out.
+        pub(crate) fn acceleration_rad_s2(&self, crank_rad_s2: f64) -> f64 {
+            let (at, rate, v1) = (&self.at, self.rate_rad_s(), self.crank.rate_rad_s);
+            let load = self.mechanism.pitch_load(at, self.pitch_rad, rate);
+            (load - at.m00_slope * v1 * rate - at.m01_slope * v1 * v1 - at.m01 * crank_rad_s2)
+                / at.m00
+        }
+    }
+
     fn drone(pitch: f64, rate: f64) -> Drone {
         Drone::new(&Parameters::PHYS, pitch, rate).unwrap()
     }
@@ -255,7 +245,7 @@ mod tests {
         let crank = drone.mechanism().linkage().crank_for_rudder(0.01).unwrap();
         drone.place_crank(crank);
         assert_eq!(drone.rate_rad_s(), 0.0);
-        assert!((drone.acceleration_rad_s2() / 0.01 + 56.7).abs() < 0.1);
+        assert!((drone.acceleration_rad_s2(0.0) / 0.01 + 56.7).abs() < 0.1);
         for _ in 0..20 {
             drone.step(DT_S, Crank::at_rest(crank));
         }

@@ -237,7 +237,7 @@ mod tests {
         let mut drone = Drone::new(parameters, 0.0, 0.0)?;
         let mut at = |crank: f64| {
             drone.place_crank(crank);
-            drone.acceleration_rad_s2().abs()
+            drone.acceleration_rad_s2(0.0).abs()
         };
         Ok((at(limit_rad), at(-limit_rad)))
     }

@@ -53,8 +53,6 @@ pub struct Configuration {
     /// Second moments of the moving bodies' mass about the pivot, `xx`, `xy` and `yy`, in kg m2:
     /// the trace is their part of `m00`. A body's own mass lies along its length, as a rod's.
     pub second_moments: [f64; 3],
-    /// `d / d th1` of them, in kg m2/rad.
-    pub second_moments_slope: [f64; 3],
     /// Pitch moment of wash and thrust about the pivot, in N m.
     pub thrust_moment: f64,
     /// Torque of the wash on the crank, in N m.
@@ -149,13 +147,10 @@ impl Mechanism {
         let (mut m00_slope, mut m01_slope, mut m11_slope) = (0.0, 0.0, 0.0);
         let mut first_moment = p.body_mass_kg * body_cm;
         let mut first_moment_slope = Planar::zeros();
-        let (mut second_moments, mut second_moments_slope) = ([0.0; 3], [0.0; 3]);
+        let mut second_moments = [0.0; 3];
         for (mass, inertia, ratio, curvature, at, slope, bend, along) in bodies {
-            let turning = ratio * turned(along);
             for (k, (i, j)) in [(0, 0), (0, 1), (1, 1)].into_iter().enumerate() {
                 second_moments[k] += mass * at[i] * at[j] + inertia * along[i] * along[j];
-                second_moments_slope[k] += mass * (slope[i] * at[j] + at[i] * slope[j])
-                    + inertia * (turning[i] * along[j] + along[i] * turning[j]);
             }
             m00 += mass * at.norm_squared() + inertia;
             m01 += mass * turned(at).dot(&slope) + inertia * ratio;
@@ -181,7 +176,6 @@ impl Mechanism {
             first_moment: first_moment.into(),
             first_moment_slope: first_moment_slope.into(),
             second_moments,
-            second_moments_slope,
             thrust_moment: (rudder + arm).perp(&force)
                 + Planar::from(p.thrust_point_m).perp(&thrust),
             wash_torque: arm.perp(&force) * g3,
@@ -282,10 +276,6 @@ mod tests {
             prop_assert!((slope(|c| c.m11) - at.m11_slope).abs() < 1e-9);
             prop_assert!((slope(|c| c.first_moment[0]) - at.first_moment_slope[0]).abs() < 1e-9);
             prop_assert!((slope(|c| c.first_moment[1]) - at.first_moment_slope[1]).abs() < 1e-9);
-            let [xx, xy, yy] = at.second_moments_slope;
-            prop_assert!((slope(|c| c.second_moments[0]) - xx).abs() < 1e-9);
-            prop_assert!((slope(|c| c.second_moments[1]) - xy).abs() < 1e-9);
-            prop_assert!((slope(|c| c.second_moments[2]) - yy).abs() < 1e-9);
         }
     }
 }

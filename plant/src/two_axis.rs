@@ -73,7 +73,6 @@ pub struct TwoAxisDrone {
     /// Rate about the thrust axis that [`Spin::Held`] holds, rad/s.
     held_spin_rad_s: f64,
     cranks: [Crank; 2],
-    crank_acc_rad_s2: [f64; 2],
     shape: Shape,
 }
 
@@ -101,7 +100,6 @@ impl TwoAxisDrone {
             momentum: Vector3::zeros(),
             held_spin_rad_s: 0.0,
             cranks,
-            crank_acc_rad_s2: [0.0; 2],
             shape,
         };
         drone.set_rates(rates_rad_s);
@@ -174,8 +172,6 @@ impl TwoAxisDrone {
             self.attitude = UnitQuaternion::from_quaternion(state.attitude);
             self.momentum = state.momentum;
         }
-        let gained = |axis: usize| end[axis].rate_rad_s - start[axis].rate_rad_s;
-        self.crank_acc_rad_s2 = [0, 1].map(|axis| gained(axis) / dt_s);
         (self.cranks, self.shape) = (end, finish);
         if self.held {
             self.set_rates([0.0; 3]);
@@ -193,20 +189,6 @@ impl TwoAxisDrone {
     pub fn rates_rad_s(&self) -> [f64; 3] {
         self.rates(&self.shape, self.speeds(), &self.momentum)
             .into()
-    }
-
-    /// Accelerations about the body's axes, rad/s2, with the cranks' mean accelerations over the
-    /// last step. Zero while held; the push of a tether stop is left out.
-    pub fn acceleration_rad_s2(&self) -> [f64; 3] {
-        if self.held {
-            return [0.0; 3];
-        }
-        let (speeds, rates) = (self.speeds(), Vector3::from(self.rates_rad_s()));
-        let (inertia_slope, relative_slope) = self.shape.slopes(speeds, self.crank_acc_rad_s2);
-        let change = self.momentum_slope(&self.shape, speeds, &self.attitude, &rates);
-        let load = change - inertia_slope * rates - relative_slope;
-        let held = (self.parameters.spin == Spin::Held).then_some(0.0);
-        self.shape.solve(&load, held).into()
     }
 
     /// The tilt of the body's vertical against the earth's as a vector (the reduced attitude), rad:

@@ -135,26 +135,6 @@ impl Ascent {
         self.time_s.get_or_insert(0.0);
     }
 
-    /// Puts the rocket into free flight at a time since ignition (s), at a position (m) and
-    /// velocity (m/s) in earth axes, in an attitude and with rates about the body's axes (rad/s).
-    pub fn release(
-        &mut self,
-        time_s: f64,
-        position_m: [f64; 3],
-        velocity_m_s: [f64; 3],
-        attitude: UnitQuaternion<f64>,
-        rates_rad_s: [f64; 3],
-    ) {
-        self.time_s = Some(time_s);
-        self.on_rail = false;
-        self.state = State {
-            position: position_m.into(),
-            velocity: velocity_m_s.into(),
-            attitude: attitude.into_inner(),
-            rates: rates_rad_s.into(),
-        };
-    }
-
     /// Adds an angular impulse about the centre of mass, body axes, N m s. The rail swallows it,
     /// and [`Spin::Held`] its part about the axis.
     pub fn kick(&mut self, impulse_n_m_s: [f64; 3]) {
@@ -213,11 +193,6 @@ impl Ascent {
         self.state.rates.into()
     }
 
-    /// Accelerations about the body's axes, rad/s2.
-    pub fn acceleration_rad_s2(&self) -> [f64; 3] {
-        self.slope(&self.drive(), &self.state).rates.into()
-    }
-
     /// The tilt of the rocket's axis against the vertical as a vector (the reduced attitude), rad:
     /// its parts about the body's y and x. Upside down, one of the shortest ways is taken.
     pub fn tilt_rad(&self) -> [f64; 2] {
@@ -254,20 +229,10 @@ impl Ascent {
             .is_some_and(|now| now < self.parameters.rocket.burn_s)
     }
 
-    /// Whether the rocket stands on its pad or moves along its rail.
-    pub fn on_rail(&self) -> bool {
-        self.on_rail
-    }
-
     /// Mass, centre of mass and inertia now.
     pub fn mass_properties(&self) -> MassProperties {
         let time_s = self.time_s.unwrap_or(0.0);
         self.parameters.rocket.mass_at(time_s)
-    }
-
-    /// Velocity of the air where the rocket is, north-east-down, m/s.
-    pub fn wind_m_s(&self) -> [f64; 3] {
-        self.air.velocity(self.altitude_m()).into()
     }
 
     /// The parameters.

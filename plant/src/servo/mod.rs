@@ -130,11 +130,6 @@ impl Servo {
         self.target_rad
     }
 
-    /// The servo's clock, in s.
-    pub fn now_s(&self) -> f64 {
-        self.now_s
-    }
-
     /// Time since the last pulse ended, in s (since the start when there was none).
     pub fn signal_age_s(&self) -> f64 {
         self.now_s - self.last_pulse_s
@@ -203,7 +198,7 @@ mod tests {
     use super::*;
 
     fn settle(servo: &mut Servo, width_us: f64, seconds: f64) -> f64 {
-        let start = servo.now_s();
+        let start = servo.now_s;
         let frames = (seconds / 0.02).round() as u32;
         for i in 0..frames {
             servo.pulse(start + 0.02 * f64::from(i), width_us);

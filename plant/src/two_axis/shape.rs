@@ -51,24 +51,6 @@ impl Shape {
         Vector3::new(second.m01 * roll, first.m01 * pitch, 0.0)
     }
 
-    /// Slope over time of inertia (kg m2/s) and of the linkages' own momentum (N m) while the
-    /// cranks turn at `speeds` (rad/s) and accelerate (rad/s2).
-    pub(super) fn slopes(
-        &self,
-        speeds: [f64; 2],
-        accelerations: [f64; 2],
-    ) -> (Matrix3<f64>, Vector3<f64>) {
-        let [pitch, roll] = [0, 1].map(|axis| {
-            let (at, speed) = (&self.linkages[axis], speeds[axis]);
-            let momentum = at.m01_slope * speed * speed + at.m01 * accelerations[axis];
-            (at.second_moments_slope.map(|slope| speed * slope), momentum)
-        });
-        (
-            inertia_of(&[pitch.0, roll.0]),
-            Vector3::new(roll.1, pitch.1, 0.0),
-        )
-    }
-
     /// What times the inertia is this: rates of a momentum, or accelerations of a moment. What is
     /// held about z is known beforehand.
     pub(super) fn solve(&self, load: &Vector3<f64>, held: Option<f64>) -> Vector3<f64> {

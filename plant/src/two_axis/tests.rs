@@ -16,9 +16,28 @@ impl TwoAxisDrone {
     fn place_cranks(&mut self, angles_rad: [f64; 2]) {
         let rates = self.rates_rad_s();
         self.cranks = angles_rad.map(Crank::at_rest);
-        self.crank_acc_rad_s2 = [0.0; 2];
         self.shape = self.shape_at(angles_rad);
         self.set_rates(rates);
+    }
+
+    /// Accelerations about the body's axes, rad/s2, with these of the cranks. The push of a tether
+    /// stop is left out.
+    fn acceleration_rad_s2(&self, cranks_rad_s2: [f64; 2]) -> [f64; 3] {
+        const APART_S: f64 = 1e-5;
+        let (speeds, rates) = (self.speeds(), Vector3::from(self.rates_rad_s()));
+        let [before, after] = [-APART_S, APART_S].map(|time_s| {
+            let ahead = |axis: usize| self.cranks[axis].angle_rad + time_s * speeds[axis];
+            self.shape_at([0, 1].map(ahead)).inertia
+        });
+        let inertia_slope = (after - before) / (2.0 * APART_S);
+        let [pitch, roll] = [0, 1].map(|axis| {
+            let at = &self.shape.linkages[axis];
+            at.m01_slope * speeds[axis] * speeds[axis] + at.m01 * cranks_rad_s2[axis]
+        });
+        let change = self.momentum_slope(&self.shape, speeds, &self.attitude, &rates);
+        let load = change - inertia_slope * rates - Vector3::new(roll, pitch, 0.0);
+        let held = (self.parameters.spin == Spin::Held).then_some(0.0);
+        self.shape.solve(&load, held).into()
     }
 
     /// Whether the drone lies against a stop of the tether.
@@ -85,18 +104,23 @@ fn follow_one_axis(one_axis: Parameters, axis: usize) {
         let crank = swing(zero_rad, f64::from(step) * STEP_S);
         let mut cranks = [Crank::at_rest(zero_rad); 2];
         cranks[axis] = crank;
+        let mut cranks_rad_s2 = [0.0; 2];
+        cranks_rad_s2[axis] = (crank.rate_rad_s - planar.crank().rate_rad_s) / STEP_S;
         planar.step(STEP_S, crank);
         both.step(STEP_S, cranks);
         let turned = both.tilt_rad();
         let (rates, torques) = (both.rates_rad_s(), both.hinge_torque_n_m());
-        let accelerations = both.acceleration_rad_s2();
+        let accelerations = both.acceleration_rad_s2(cranks_rad_s2);
         for (found, expected) in [
             (turned[axis], planar.pitch_rad()),
             (turned[1 - axis], 0.0),
             (rates[1 - axis], planar.rate_rad_s()),
             (rates[axis], 0.0),
             (rates[2], 0.0),
-            (accelerations[1 - axis], planar.acceleration_rad_s2()),
+            (
+                accelerations[1 - axis],
+                planar.acceleration_rad_s2(cranks_rad_s2[axis]),
+            ),
             (accelerations[axis], 0.0),
             (torques[axis], planar.hinge_torque_n_m()),
             (both.rudder_rad()[axis], planar.rudder_rad()),
