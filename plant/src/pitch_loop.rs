@@ -132,11 +132,6 @@ impl Timing {
     pub fn newest_refresh(&self, time_s: f64, period_s: f64) -> f64 {
         ((time_s - self.refresh_phase_s) / period_s + 1e-9).floor()
     }
-
-    /// The same timing with another frame phase (s).
-    pub fn with_phase(self, phase_s: f64) -> Self {
-        Self { phase_s, ..self }
-    }
 }
 
 /// What the sensor delivers to the law.

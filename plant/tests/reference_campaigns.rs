@@ -17,7 +17,7 @@ fn compare(ranges: Ranges, expected: [f64; 3]) -> Vec<Outcome> {
         let mut law = Pd::new(1.0, 0.30, &linkage, setup.timing.control_s);
         move |m| law.update(m)
     };
-    let outcomes = fly(&setup, &campaign, law, || ()).unwrap();
+    let outcomes = fly(&setup, &campaign, |_| true, law, || ()).unwrap();
     assert_eq!(outcomes.len(), 300);
     let settlings: [fn(&Outcome) -> Option<f64>; 3] = [
         |o| o.settling_5pct_s,

@@ -19,7 +19,10 @@ fn reference_run_to_3_mrad() {
         "/tests/data/pd_nominal_S3003_02.csv"
     ))
     .unwrap();
-    let timing = Timing::ANALOGUE.with_phase(10e-3);
+    let timing = Timing {
+        phase_s: 10e-3,
+        ..Timing::ANALOGUE
+    };
     let mut law = pd(1.0, 0.30, timing);
     let mut sim = fly(ServoModel::S3003, timing, 0.2);
     let mut sample = sim.sample();
@@ -101,9 +104,10 @@ fn reference_table_of_responses() {
         for (start, expected) in [0.2, 0.4, 0.8].into_iter().zip(row.figures) {
             let mut seen = [Vec::new(), Vec::new(), Vec::new()];
             for phase in 0..8 {
-                let timing = row
-                    .timing
-                    .with_phase((f64::from(phase) + 0.5) / 8.0 * row.timing.frame_s);
+                let timing = Timing {
+                    phase_s: (f64::from(phase) + 0.5) / 8.0 * row.timing.frame_s,
+                    ..row.timing
+                };
                 let mut law = pd(row.gains[0], row.gains[1], timing);
                 let response = fly(row.model, timing, start)
                     .respond(3.0, |m| law.update(m))

@@ -16,7 +16,7 @@ use samd21::board::Ticks;
 use samd21::chip::{Counters, Stop};
 use samd21::peripherals::ResetCause;
 use samd21::usb_host::Host;
-use samd21::{Chip, Options, SyncHold, WaitStates};
+use samd21::{Chip, Options, SyncHold};
 use std::sync::Arc;
 use thiserror::Error;
 use tvc_nano::{Params, store};
@@ -34,8 +34,6 @@ pub const LIVE_KEYS: [&str; 7] = [
     "usb-loss",
 ];
 
-const RAM_START: u32 = 0x2000_0000;
-
 /// The configuration of a rig.
 #[derive(Clone, Debug)]
 pub struct RigConfig {
@@ -47,7 +45,7 @@ pub struct RigConfig {
     /// What the parts are like where real ones differ.
     pub hardware: Hardware,
     /// Flash wait states.
-    pub wait_states: WaitStates,
+    pub wait_states: Option<u8>,
     /// How long registers stay busy synchronising.
     pub syncbusy_hold: SyncHold,
     /// Parameters stored in the image's flash before; none on a new Nano.
@@ -60,7 +58,7 @@ impl Default for RigConfig {
             seed: 1,
             bench: BenchConfig::default(),
             hardware: Hardware::default(),
-            wait_states: WaitStates::AsConfigured,
+            wait_states: None,
             syncbusy_hold: SyncHold::Instant,
             stored: None,
         }
@@ -408,12 +406,6 @@ impl Rig {
     /// Deepest stack since power-on, bytes.
     pub fn stack_high_water(&self) -> u32 {
         self.image.stack_top().saturating_sub(self.lowest_sp)
-    }
-
-    /// RAM that was left between the statics and the deepest stack since power-on, bytes.
-    pub fn stack_free(&self) -> u32 {
-        let statics = RAM_START + self.image.sizes().static_ram;
-        self.lowest_sp.saturating_sub(statics)
     }
 
     fn place(&self) -> String {

@@ -38,7 +38,7 @@ fn released(bench: &BenchConfig, start_rad: f64) -> HostLoop {
     let mut host = standby(bench);
     // Rest, in which the gyro's offset is learned: arming waits for it.
     host.run(3000, |_, _| {});
-    host.environment.tilt_clamp(start_rad);
+    host.environment.tilt_clamp_to([start_rad, 0.0]);
     host.run(3000, |_, _| {});
     let now = tvc_nano::Micros(host.now.as_us());
     host.flight.command(now, Command::Arm).unwrap();
@@ -160,7 +160,7 @@ fn leads_to_neutral_and_back(bench: &BenchConfig, fault: Fault) {
     assert!(delay.unwrap() <= allowed, "{fault:?}: {delay:?} ms");
     host.environment.clear(host.now, fault);
     host.environment.catch();
-    host.environment.tilt_clamp(0.0);
+    host.environment.tilt_clamp_to([0.0, 0.0]);
     host.run(8000, |_, _| {});
     let now = tvc_nano::Micros(host.now.as_us());
     host.flight.command(now, Command::Disarm).unwrap();

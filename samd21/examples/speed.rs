@@ -6,7 +6,7 @@
 use std::time::Instant;
 
 use samd21::board::{Ticks, Unconnected};
-use samd21::{Chip, Options, WaitStates};
+use samd21::{Chip, Options};
 
 /// Stack at the top of SRAM, entry at 0x10, then the loop; R1 points into SRAM.
 const IMAGE: [u16; 27] = [
@@ -37,7 +37,7 @@ fn main() {
     let image: Vec<u8> = IMAGE.iter().flat_map(|half| half.to_le_bytes()).collect();
     for wait_states in [0, 1] {
         let mut chip = Chip::new(Options {
-            wait_states: WaitStates::Forced(wait_states),
+            wait_states: Some(wait_states),
             ..Options::default()
         });
         chip.load_flash(0, &image);

@@ -46,4 +46,4 @@ pub mod upset;
 pub mod usb_host;
 
 pub use chip::Chip;
-pub use options::{Options, SyncHold, WaitStates};
+pub use options::{Options, SyncHold};

@@ -7,8 +7,9 @@ use crate::usb_host::System;
 /// How a chip is made.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Flash wait states.
-    pub wait_states: WaitStates,
+    /// Flash wait states, whatever the firmware writes to NVMCTRL.CTRLB.RWS: to measure what they
+    /// cost. None leaves them to the firmware.
+    pub wait_states: Option<u8>,
     /// How long registers stay in synchronisation after a write.
     pub syncbusy_hold: SyncHold,
     /// Error of the DFLL's frequency with the factory's COARSE and FINE 0x1FF, ppm. Without a
@@ -39,7 +40,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            wait_states: WaitStates::AsConfigured,
+            wait_states: None,
             syncbusy_hold: SyncHold::Instant,
             dfll_error_ppm: 0,
             dfll_drift_ppm_s: 0,
@@ -54,15 +55,6 @@ impl Default for Options {
             seed: 0,
         }
     }
-}
-
-/// Flash wait states.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WaitStates {
-    /// What the firmware writes to NVMCTRL.CTRLB.RWS.
-    AsConfigured,
-    /// This many, whatever the firmware writes: to measure what they cost.
-    Forced(u8),
 }
 
 /// How long a SYNCBUSY flag stays set after a write to a synchronised register.

@@ -4,7 +4,7 @@ use crate::board::{Board, Ticks, Unconnected};
 use crate::bus::Bus;
 use crate::memory::Memory;
 use crate::peripherals::{BusError, Peripherals, ResetCause, Width};
-use crate::usb_host::Host;
+use crate::usb_host::{Host, System};
 use crate::{Options, SyncHold};
 
 pub(crate) const PM_APBCMASK: u32 = 0x4000_0420;
@@ -36,7 +36,7 @@ impl<B: Board> Bench<B> {
         Self {
             peripherals: Peripherals::new(options),
             memory: Memory::new(1),
-            usb_host: Host::new(),
+            usb_host: Host::of(System::Bare),
             board,
             now: Ticks::ZERO,
         }

@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use samd21::{Options, WaitStates};
+use samd21::Options;
 
 #[test]
 fn every_kind_of_instruction_takes_its_cycles() {
@@ -80,7 +80,7 @@ fn the_iobus_answers_in_one_cycle() {
 
 fn with_wait_states(wait_states: u8, program: &[u16]) -> samd21::Chip {
     let options = Options {
-        wait_states: WaitStates::Forced(wait_states),
+        wait_states: Some(wait_states),
         ..Options::default()
     };
     chip_with(options, program, &[])

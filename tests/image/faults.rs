@@ -27,7 +27,7 @@ fn in_flight() -> Ready {
 /// Lets go of the drone of `flight`, whose neutral pulse is `neutral_us`.
 pub(crate) fn released(mut flight: Ready, neutral_us: &RangeInclusive<f64>) -> Ready {
     let Ready { rig, station, .. } = &mut flight;
-    rig.environment_mut().tilt_clamp(0.4);
+    rig.environment_mut().tilt_clamp_to([0.4, 0.0]);
     station.run(rig, ms(2000)).unwrap();
     station.arm(rig).unwrap();
     station.release(rig, 0.2).unwrap();
@@ -110,7 +110,7 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
 
     rig.clear(fault);
     rig.environment_mut().catch();
-    rig.environment_mut().tilt_clamp(0.0);
+    rig.environment_mut().tilt_clamp_to([0.0, 0.0]);
     // The attitude and the gyro offset are found anew.
     station.run(rig, ms(8000)).unwrap();
     assert_eq!(
@@ -270,7 +270,7 @@ fn a_hung_loop_is_reset_and_told() {
         })
     ));
     rig.environment_mut().catch();
-    rig.environment_mut().tilt_clamp(0.0);
+    rig.environment_mut().tilt_clamp_to([0.0, 0.0]);
     station.disarm(rig).unwrap();
     station
         .wait_for_state(rig, ms(6000), StateKind::Standby)
@@ -342,7 +342,7 @@ fn a_hard_fault_is_told_after_the_reset() {
     assert!(told.iter().any(|t| t.text.contains(&reason)), "{told:?}");
 
     rig.environment_mut().catch();
-    rig.environment_mut().tilt_clamp(0.0);
+    rig.environment_mut().tilt_clamp_to([0.0, 0.0]);
     rig.power_cycle();
     station.connect(rig).unwrap();
     station
@@ -464,7 +464,7 @@ fn a_damaged_image_is_not_started_and_leaves_the_rudder_at_neutral() {
     );
     assert!(rig.environment().vehicle().rudders_rad()[0].abs() < 0.02);
     rig.environment_mut().catch();
-    rig.environment_mut().tilt_clamp(0.0);
+    rig.environment_mut().tilt_clamp_to([0.0, 0.0]);
     // A programmer puts the image right and resets.
     rig.chip_mut().load_flash(place, &[sound]);
     rig.press_reset();

@@ -4,7 +4,7 @@ use crate::{firmware, ready};
 use client::{Failure, Parameter, StateKind};
 use rig::ground_station::GroundStationError;
 use rig::replay::{pair, parity};
-use rig::{Ready, ServoKind, Setup, SyncHold, Ticks, WaitStates, fly_at_once, prepare};
+use rig::{Ready, ServoKind, Setup, SyncHold, Ticks, fly_at_once, prepare};
 use tvc_nano::Axis;
 use tvc_nano::params::FilterKind;
 
@@ -174,7 +174,7 @@ fn wait_states_cost_cycles_and_change_nothing_else() {
     let mut cycles = Vec::new();
     for states in [0, 1] {
         let mut setup = Setup::with_polarity(ServoKind::S3003, 1);
-        setup.rig.wait_states = WaitStates::Forced(states);
+        setup.rig.wait_states = Some(states);
         let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
         let flight = ready.fly(0.4, 0.2, 2.0, &mut |_| {}).unwrap();
         assert!(flight.cpu_load < 0.6, "{}", flight.cpu_load);
@@ -237,7 +237,7 @@ fn the_host_library_agrees_bit_for_bit() {
 fn agrees(mut ready: Ready, filter: &str) {
     let Ready { rig, station, .. } = &mut ready;
     station.list_parameters(rig).unwrap();
-    rig.environment_mut().tilt_clamp(0.6);
+    rig.environment_mut().tilt_clamp_to([0.6, 0.0]);
     station.run(rig, ms(2000)).unwrap();
     station.arm(rig).unwrap();
     station.release(rig, 0.2).unwrap();
@@ -294,6 +294,7 @@ fn the_stack_keeps_away_from_the_statics() {
     let mut ready = ready();
     let Ready { rig, station, .. } = &mut ready;
     station.run(rig, ms(1000)).unwrap();
-    let (used, free) = (rig.stack_high_water(), rig.stack_free());
+    let (used, statics) = (rig.stack_high_water(), rig.image().sizes().static_ram);
+    let free = rig.image().stack_top() - used - (0x2000_0000 + statics);
     assert!(used > 256 && used <= free, "{used} bytes used, {free} free");
 }

@@ -5,7 +5,7 @@ use rig::Image;
 use samd21::board::{Ticks, Unconnected};
 use samd21::chip::{Registers, Stop};
 use samd21::memory::RAM_BASE;
-use samd21::{Chip, Options, WaitStates};
+use samd21::{Chip, Options};
 
 use super::inputs::WORDS;
 
@@ -39,7 +39,7 @@ impl Bench {
     /// sample.
     pub fn boot(image: &Image, wait_states: u8) -> Result<Self> {
         let mut chip = Chip::new(Options {
-            wait_states: WaitStates::Forced(wait_states),
+            wait_states: Some(wait_states),
             ..Options::default()
         });
         chip.load_flash(image.address(), image.bytes());

@@ -10,7 +10,6 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rig::profile::{Window, advance, run as run_window};
 use rig::{Image, Rig, ServoKind, Setup, prepare};
-use samd21::WaitStates;
 
 use ::report::exit::{BadInput, Verdict};
 use ::report::kind;
@@ -130,7 +129,7 @@ pub fn run(options: &Profile) -> Result<Verdict> {
 fn measure(options: &Profile, image: &Image) -> Result<Window> {
     let mut setup = Setup::with_polarity(options.servo, options.seed);
     if let Some(states) = options.wait_states {
-        setup.rig.wait_states = WaitStates::Forced(states);
+        setup.rig.wait_states = Some(states);
     }
     if let Some(after) = options.after {
         let mut rig = Rig::new(image, &setup.rig)?;

@@ -326,7 +326,7 @@ impl Outcome {
     }
 }
 
-/// Flies a campaign's shard on all cores of the current thread pool.
+/// Flies those of a campaign's shard that `chosen` takes, on all cores of the current thread pool.
 ///
 /// `law` makes a fresh controller for each run, given that run's timing, which the firmware sets
 /// itself; `done` is called after each run, from any thread.
@@ -335,22 +335,6 @@ impl Outcome {
 /// # Errors
 /// A nominal or dispersed parameter out of range.
 pub fn fly<L>(
-    nominal: &Setup,
-    campaign: &Campaign,
-    law: impl Fn(&Timing) -> L + Sync,
-    done: impl Fn() + Sync,
-) -> Result<Vec<Outcome>, ParameterError>
-where
-    L: FnMut(Measurement) -> f64,
-{
-    fly_some(nominal, campaign, |_| true, law, done)
-}
-
-/// Flies those of a campaign's runs that `chosen` takes, as [`fly`] does.
-///
-/// # Errors
-/// As [`fly`].
-pub fn fly_some<L>(
     nominal: &Setup,
     campaign: &Campaign,
     chosen: impl Fn(&Draw) -> bool,

@@ -206,14 +206,12 @@ impl FromStr for Vibration {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (acc_m_s2, frequency_hz, rate_dps, harmonics, wander_pct) = match numbers(text)
-            .as_deref()
-        {
-            Some(&[acc, hz]) => (acc, hz, None, 0.0, 0.0),
-            Some(&[acc, hz, rate]) => (acc, hz, Some(rate), 0.0, 0.0),
-            Some(&[acc, hz, rate, harmonics, wander]) => (acc, hz, Some(rate), harmonics, wander),
-            _ => return Err("a vibration is m/s2 and Hz, such as 5,180".into()),
-        };
+        let ([acc_m_s2, frequency_hz], [rate_dps, harmonics, wander_pct]) = numbers(
+            text,
+            &[2, 3, 5],
+            "a vibration is m/s2 and Hz, such as 5,180",
+        )?;
+        let harmonics = harmonics.unwrap_or(0.0);
         if harmonics.fract() != 0.0 || harmonics < 0.0 {
             return Err("a vibration has a whole number of harmonics".into());
         }
@@ -222,7 +220,7 @@ impl FromStr for Vibration {
             rate_dps,
             frequency_hz,
             harmonics: harmonics as u8,
-            wander_pct,
+            wander_pct: wander_pct.unwrap_or(0.0),
         };
         vibration.check().map(|()| vibration)
     }
@@ -287,16 +285,12 @@ impl FromStr for SupplySag {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (volts, from_s, until_s, stall_volts) = match numbers(text).as_deref() {
-            Some(&[volts]) => (volts, 0.0, None, None),
-            Some(&[volts, from, until]) => (volts, from, Some(until), None),
-            Some(&[volts, from, until, stall]) => (volts, from, Some(until), Some(stall)),
-            _ => return Err("a supply is V, or V and two times in s, such as 4.5,0.2,0.6".into()),
-        };
+        let why = "a supply is V, or V and two times in s, such as 4.5,0.2,0.6";
+        let ([volts], [from_s, until_s, stall_volts]) = numbers(text, &[1, 3, 4], why)?;
         let sag = Self {
             volts,
             stall_volts,
-            from_s,
+            from_s: from_s.unwrap_or(0.0),
             until_s,
         };
         sag.check().map(|()| sag)
@@ -338,9 +332,8 @@ impl FromStr for ThrustRamp {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let Some(&[from_pct, seconds]) = numbers(text).as_deref() else {
-            return Err("a thrust ramp is % at release and s, such as 40,0.5".into());
-        };
+        let why = "a thrust ramp is % at release and s, such as 40,0.5";
+        let ([from_pct, seconds], []) = numbers(text, &[2], why)?;
         let ramp = Self { from_pct, seconds };
         ramp.check().map(|()| ramp)
     }
@@ -406,26 +399,33 @@ impl FromStr for Temperature {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (from_c, to_c, time_constant_s, gyro_dps_k, acc_mg_k) = match numbers(text).as_deref() {
-            Some(&[from, to, seconds]) => (from, to, seconds, TYPICAL_GYRO_DPS_K, 0.0),
-            Some(&[from, to, seconds, drift]) => (from, to, seconds, drift, 0.0),
-            Some(&[from, to, seconds, drift, offset]) => (from, to, seconds, drift, offset),
-            _ => return Err("a temperature is two in C and a time in s, such as 20,45,60".into()),
-        };
+        let why = "a temperature is two in C and a time in s, such as 20,45,60";
+        let ([from_c, to_c, time_constant_s], [drift, offset]) = numbers(text, &[3, 4, 5], why)?;
         let temperature = Self {
             from_c,
             to_c,
             time_constant_s,
-            gyro_dps_k,
-            acc_mg_k,
+            gyro_dps_k: drift.unwrap_or(TYPICAL_GYRO_DPS_K),
+            acc_mg_k: offset.unwrap_or(0.0),
         };
         temperature.check().map(|()| temperature)
     }
 }
 
-/// Numbers between commas.
-fn numbers(text: &str) -> Option<Vec<f64>> {
-    text.split(',').map(|n| n.trim().parse().ok()).collect()
+/// `A` numbers and up to `B` more, with commas between them; `counts` says how many there can be.
+fn numbers<const A: usize, const B: usize>(
+    text: &str,
+    counts: &[usize],
+    why: &str,
+) -> Result<([f64; A], [Option<f64>; B]), String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    let numbers = numbers.filter(|numbers| counts.contains(&numbers.len()));
+    let numbers = numbers.ok_or_else(|| why.to_owned())?;
+    let more = |at: usize| numbers.get(A + at).copied();
+    Ok((
+        std::array::from_fn(|at| numbers[at]),
+        std::array::from_fn(more),
+    ))
 }
 
 /// Refuses a value out of its range; NaN is out of every range.

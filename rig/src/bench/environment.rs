@@ -166,11 +166,6 @@ impl Environment {
         &mut self.truth
     }
 
-    /// Tilts the clamped drone by hand to a pitch, rad, at 0.5 rad/s; without effect on a free one.
-    pub fn tilt_clamp(&mut self, pitch_rad: f64) {
-        self.tilt_clamp_to([pitch_rad, 0.0]);
-    }
-
     /// The same to a pitch and a roll.
     pub fn tilt_clamp_to(&mut self, tilt_rad: [f64; Axis::COUNT]) {
         self.clamp.tilt_to(tilt_rad);

@@ -68,13 +68,16 @@ impl LoopTiming {
             .filter(|burst| within(burst.start))
             .collect();
         let cycle = cycle(&bursts);
-        let period = periods_us(&bursts, cycle).mean / cycle as f64;
+        let periods: Spread = periods_us(&bursts, cycle).collect();
+        let period = periods.mean / cycle as f64;
         let steps = truth.steps.iter().filter(|step| within(step.start));
         let pulses = Axis::ALL.iter().flat_map(|axis| truth.pulses_of(*axis));
         let strays = pulses.filter(|pulse| within(pulse.rise) && !pulse.is_as_asked(0.0));
         Self {
             rate_hz: if period > 0.0 { 1e6 / period } else { 0.0 },
-            jitter_us_max: jitter_us(&bursts, cycle),
+            jitter_us_max: periods_us(&bursts, cycle)
+                .map(|period| (period - periods.mean).abs())
+                .fold(0.0, f64::max),
             cycles_per_step: steps
                 .clone()
                 .map(|step| (step.end - step.start).0 as f64)
@@ -104,20 +107,9 @@ fn cycle(bursts: &[&Burst]) -> usize {
 }
 
 /// Times between bursts and those `apart` from them, us.
-fn periods_us(bursts: &[&Burst], apart: usize) -> Spread {
+fn periods_us(bursts: &[&Burst], apart: usize) -> impl Iterator<Item = f64> {
     let pairs = bursts.iter().zip(bursts.iter().skip(apart));
-    pairs
-        .map(|(one, other)| (other.acknowledged - one.acknowledged).as_us_f64())
-        .collect()
-}
-
-/// See [`LoopTiming::jitter_us_max`].
-fn jitter_us(bursts: &[&Burst], apart: usize) -> f64 {
-    let mean = periods_us(bursts, apart).mean;
-    let pairs = bursts.iter().zip(bursts.iter().skip(apart));
-    pairs
-        .map(|(one, other)| ((other.acknowledged - one.acknowledged).as_us_f64() - mean).abs())
-        .fold(0.0, f64::max)
+    pairs.map(|(one, other)| (other.acknowledged - one.acknowledged).as_us_f64())
 }
 
 /// Every pulse that carries a new sample, with the burst that brought it.

@@ -34,7 +34,7 @@ use crate::board::Ticks;
 use crate::bus::Bus;
 use crate::fault::{Fault, FaultKind};
 use crate::memory::Memory;
-use crate::options::{Options, WaitStates};
+use crate::options::Options;
 use crate::peripherals::{FRACTION, ResetCause};
 
 const SP: usize = 13;
@@ -155,10 +155,7 @@ impl Core {
         Self {
             cycle,
             wake_up: parts(options.wake_up),
-            forced_wait_states: match options.wait_states {
-                WaitStates::AsConfigured => None,
-                WaitStates::Forced(n) => Some(n),
-            },
+            forced_wait_states: options.wait_states,
             flash_lines: [u32::MAX; FLASH_LINES],
             ..Self::default()
         }

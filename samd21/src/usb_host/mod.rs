@@ -159,19 +159,7 @@ struct Enumeration {
     configuration: Vec<u8>,
 }
 
-impl Default for Host {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Host {
-    /// A host of no system in particular with the cable in, that opens the port at 115,200 baud
-    /// with DTR set.
-    pub fn new() -> Self {
-        Self::of(System::Bare)
-    }
-
     /// A host with the cable in, that opens the port at 115,200 baud with DTR as `system` has it.
     pub fn of(system: System) -> Self {
         Self {
@@ -233,14 +221,6 @@ impl Host {
     /// A program opens or closes the port and leaves DTR to the system.
     pub fn set_open(&mut self, open: bool) {
         self.set_dtr(open && self.system.raises_dtr());
-    }
-
-    /// Opens the port anew at 1200 baud and closes it, as a program does that asks an Arduino board
-    /// into its bootloader and leaves DTR to the system.
-    pub fn touch(&mut self) {
-        self.set_open(true);
-        self.set_line_coding(1200);
-        self.set_open(false);
     }
 
     /// Line coding or lines change, if the port is there and the system sends that.

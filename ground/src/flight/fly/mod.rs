@@ -18,7 +18,6 @@ use anyhow::{Result, anyhow};
 use maud::{Markup, html};
 use rig::Image;
 use rig::flight::{FlightRecord, Setup};
-use samd21::WaitStates;
 use samd21::board::Ticks;
 
 use crate::flight::vehicle::VehicleKind;
@@ -115,7 +114,7 @@ impl Flying<'_> {
     /// With so many wait states of the flash.
     fn with_wait_states(&self, states: u8) -> Setup {
         let mut setup = self.setup.clone();
-        setup.rig.wait_states = WaitStates::Forced(states);
+        setup.rig.wait_states = Some(states);
         setup
     }
 

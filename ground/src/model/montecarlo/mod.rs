@@ -61,7 +61,7 @@ fn fly(options: &MonteCarlo) -> Result<Verdict> {
             let mut law = Law::new(&params, &setup.drone, timing);
             move |measurement| law.update(measurement)
         };
-        dispersion::fly(&setup, &campaign, law, done)
+        dispersion::fly(&setup, &campaign, |_| true, law, done)
     })??;
     let wall_s = begun.elapsed().as_secs_f64();
     eprintln!("{} runs in {wall_s:.1} s", outcomes.len());

@@ -382,7 +382,7 @@ impl Problem {
             move |measurement| law.update(measurement)
         };
         let hard = |draw: &Draw| !(0.75..1.33).contains(&(draw.thrust / draw.inertia));
-        let outcomes = dispersion::fly_some(&setup, &campaign, hard, law, || ())?;
+        let outcomes = dispersion::fly(&setup, &campaign, hard, law, || ())?;
         let near = |outcome: &Outcome| (outcome.badness().min(2.0) - 0.6).max(0.0);
         Ok(outcomes.iter().map(near).sum::<f64>() / DISPERSED as f64)
     }

@@ -79,7 +79,7 @@ fn the_clamp_holds_tilts_and_lets_go() {
     let mut environment = environment(BenchConfig::default());
     environment.advance(Ticks::from_ms(100));
     assert_eq!(environment.vehicle().pitch_rad(), 0.0);
-    environment.tilt_clamp(0.4);
+    environment.tilt_clamp_to([0.4, 0.0]);
     environment.advance(Ticks::from_ms(500));
     assert!((environment.truth().motion.last().unwrap().rate_rad_s - 0.5).abs() < 1e-9);
     environment.advance(Ticks::from_ms(1000));
@@ -260,7 +260,7 @@ fn a_sensor_off_the_pivot_feels_how_the_drone_moves() {
     };
     environment.advance(Ticks::from_ms(100));
     near(felt(&environment).specific_force_m_s2, [0.0, 0.0, -9.81]);
-    environment.tilt_clamp(0.4);
+    environment.tilt_clamp_to([0.4, 0.0]);
     environment.advance(Ticks::from_us(100_500));
     near(felt(&environment).specific_force_m_s2, [100.0, 0.0, -9.835]);
     environment.advance(Ticks::from_ms(200));

@@ -5,6 +5,16 @@ use super::*;
 const SET_LINE_CODING: (u8, u8) = (0x21, 0x20);
 const SET_LINES: (u8, u8) = (0x21, 0x22);
 
+impl Host {
+    /// Opens the port anew at 1200 baud and closes it, as a program does that asks an Arduino board
+    /// into its bootloader and leaves DTR to the system.
+    fn touch(&mut self) {
+        self.set_open(true);
+        self.set_line_coding(1200);
+        self.set_open(false);
+    }
+}
+
 #[test]
 fn every_system_configures_a_device_that_refuses_what_it_need_not_have() {
     for system in [System::Bare, System::Linux, System::Windows, System::MacOs] {
