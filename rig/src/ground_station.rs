@@ -52,11 +52,6 @@ pub struct GroundStation {
 }
 
 impl GroundStation {
-    /// A ground station that has neither sent nor received anything.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// What has arrived.
     pub fn received(&self) -> &Received {
         &self.received

@@ -385,7 +385,7 @@ impl Rig {
 
     /// What really happened.
     pub fn truth(&self) -> &GroundTruth {
-        self.environment.truth()
+        &self.environment.truth
     }
 
     /// The chip.
@@ -501,7 +501,7 @@ pub(crate) mod tests {
             ..RigConfig::default()
         };
         let mut rig = Rig::new(&counter(), &config).unwrap();
-        assert_eq!(rig.environment().sensor().address(), 0x29);
+        assert_eq!(rig.environment().sensor.address(), 0x29);
         assert_eq!(rig.usb_host().system(), System::Linux);
         // The watchdog of an erased user row: 32,768 cycles of the fast slow oscillator.
         rig.run_for(ms(799)).unwrap();

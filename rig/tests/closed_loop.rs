@@ -54,7 +54,7 @@ fn the_driver_brings_the_sensor_up_and_reads_what_is_true() {
         let sample = host.samples.last().unwrap();
         let z = f64::from(sample.acc[2]) * 0.01;
         assert!((z + 9.81).abs() < 0.1, "{sample:?}");
-        let bias = host.environment.sensor().gyro_bias_rad_s();
+        let bias = host.environment.sensor.gyro_bias_rad_s();
         for (counts, bias) in sample.gyr.iter().zip(bias) {
             let rate = f64::from(*counts) / 16.0;
             assert!((rate - bias.to_degrees()).abs() < 1.0, "{sample:?}");
@@ -73,7 +73,7 @@ fn comes_upright(bench: &BenchConfig, start_rad: f64) {
     let mut host = released(bench, start_rad);
     let begin = host.now;
     host.run(3000, |_, _| {});
-    let truth = host.environment.truth().motion_since(begin);
+    let truth = host.environment.truth.motion_since(begin);
     let response = StepResponse::new(
         truth.iter().map(|m| (m.time.as_secs_f64(), m.pitch_rad)),
         0.0,
@@ -143,7 +143,7 @@ fn leads_to_neutral_and_back(bench: &BenchConfig, fault: Fault) {
     let mut neutral: Option<Ticks> = None;
     host.run(1500, |environment, snapshot| {
         if !snapshot.state.is_active() && neutral.is_none() {
-            neutral = Some(environment.truth().motion.last().unwrap().time);
+            neutral = Some(environment.truth.motion.last().unwrap().time);
         }
     });
     let delay = neutral.map(|time| time.saturating_sub(at).as_us() / 1000);
@@ -194,9 +194,7 @@ fn a_recording_comes_through_the_sensor() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/broad_11_cut.imuq");
     let recording = Arc::new(Recording::open(&path).unwrap());
     let mut host = HostLoop::new(&bench(1), Params::default());
-    host.environment
-        .sensor_mut()
-        .play(recording.clone(), Ticks::ZERO);
+    host.environment.sensor.play(recording.clone(), Ticks::ZERO);
     let mut scorer = Scorer::default();
     let mut worst = 0.0_f32;
     let length = (recording.duration_s() * 1000.0) as u64;
@@ -204,7 +202,7 @@ fn a_recording_comes_through_the_sensor() {
         let q = snapshot.orientation.parts();
         let norm = (q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z).sqrt();
         worst = worst.max((norm - 1.0).abs());
-        let shown = environment.sensor().refreshed().recorded;
+        let shown = environment.sensor.refresh.recorded;
         if let Some(truth) = shown.map(|i| recording.samples()[i])
             && truth.movement
             && let Some(reference) = truth.reference

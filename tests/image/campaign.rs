@@ -185,8 +185,8 @@ fn a_reset_by_the_firmware_cuts_no_pulse() {
         let ready = vehicle(servo, two_axes);
         for phase in Plan::Resets.phases() {
             let frame_hz = f64::from(servo.frame_hz());
-            let campaign = Campaign::new(&ready, frame_hz, phase, 1).unwrap();
-            let campaign = campaign.by(Plan::Resets);
+            let mut campaign = Campaign::new(&ready, frame_hz, phase, 1).unwrap();
+            campaign.plan = Plan::Resets;
             for kind in Plan::Resets.kinds(phase) {
                 for number in 0..6 {
                     let outcome = campaign.run(Case { kind, number }).unwrap();
@@ -219,8 +219,8 @@ fn a_flipped_bit_of_the_servo_timer_steers_for_a_moment_at_most() {
         "bit 25 of TCC0.CTRLA",
     ];
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
-    let campaign = Campaign::new(&ready(), frame_hz, Phase::Flight, 1).unwrap();
-    let campaign = campaign.by(Plan::TimerBits);
+    let mut campaign = Campaign::new(&ready(), frame_hz, Phase::Flight, 1).unwrap();
+    campaign.plan = Plan::TimerBits;
     let bits = campaign.timer_bits();
     let (mut registers, mut wrong) = (BTreeSet::new(), Vec::new());
     for (number, bit) in (0..).zip(&bits) {

@@ -207,7 +207,7 @@ fn a_slave_inside_a_byte_is_clocked_free() {
     let Ready { rig, station, .. } = &mut flight;
     rig.inject(Fault::SdaHeld { clocks: 7 });
     station.run(rig, ms(500)).unwrap();
-    assert!(!rig.environment().sensor().held_low(rig.now()).sda);
+    assert!(!rig.environment().sensor.held_low(rig.now()).sda);
     let last = rig.truth().bursts.last().unwrap();
     assert!(rig.now() - last.end < ms(20), "bursts go on");
 }

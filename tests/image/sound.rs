@@ -39,7 +39,8 @@ fn a_sound_vehicle_is_left_alone() {
     ];
     let mut frames = 0;
     for (kind, phase, servo, axes) in runs {
-        let sound = vehicle(servo, axes, phase).lasting(Ticks::from_ms(6_000));
+        let mut sound = vehicle(servo, axes, phase);
+        sound.length = Some(Ticks::from_ms(6_000));
         let sound = sound.with_hardware("flash-time=1").unwrap();
         let outcome = sound.run(kind, 0).unwrap();
         assert_eq!(outcome.ending, Ending::Recovered, "{outcome:?}");
@@ -53,8 +54,9 @@ fn a_sound_vehicle_is_left_alone() {
 #[test]
 fn a_sound_run_can_be_repeated() {
     let run = || {
-        let sound = vehicle(ServoKind::S3003, 1, Phase::Standby);
-        sound.lasting(Ticks::from_ms(500)).run(SoundKind::Knocks, 7)
+        let mut sound = vehicle(ServoKind::S3003, 1, Phase::Standby);
+        sound.length = Some(Ticks::from_ms(500));
+        sound.run(SoundKind::Knocks, 7)
     };
     assert_eq!(
         format!("{:?}", run().unwrap()),
@@ -67,8 +69,10 @@ fn a_sound_run_can_be_repeated() {
 #[test]
 fn a_vehicle_that_is_not_sound_has_alarms() {
     let of = |phase, fault| {
-        let sound = vehicle(ServoKind::S3003, 1, phase).lasting(Ticks::from_ms(2_000));
-        let outcome = sound.broken_by(fault).run(SoundKind::Rest, 0).unwrap();
+        let mut sound = vehicle(ServoKind::S3003, 1, phase);
+        sound.length = Some(Ticks::from_ms(2_000));
+        sound.fault = Some(fault);
+        let outcome = sound.run(SoundKind::Rest, 0).unwrap();
         match outcome.ending {
             Ending::Alarmed(alarms) => alarms,
             _ => panic!("{fault:?}: {outcome:?}"),

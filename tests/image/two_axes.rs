@@ -80,7 +80,7 @@ fn both_axes_come_upright_with_and_without_spin() {
 fn both_pulses_rise_with_the_frame_and_neither_is_missing() {
     let mut ready = ready();
     let Ready { rig, station, .. } = &mut ready;
-    rig.environment_mut().truth_mut().clear();
+    rig.environment_mut().truth.clear();
     station.run(rig, ms(500)).unwrap();
     let truth = rig.truth();
     let [pitch, roll] = Axis::ALL.map(|axis| truth.pulses_of(axis));

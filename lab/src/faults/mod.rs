@@ -157,11 +157,9 @@ impl Base {
         flown.vehicle.hang(&mut setup.rig)?;
         if flown.plan == Plan::Sound {
             let sound = Sound::new(image, setup, flown.phase).with_hardware(&flown.hardware);
-            let sound = sound.map_err(BadInput::new)?;
-            let sound = match flown.seconds {
-                Some(seconds) => sound.lasting(Ticks::from_ms(1000 * u64::from(seconds))),
-                None => sound,
-            };
+            let mut sound = sound.map_err(BadInput::new)?;
+            let length = |seconds| Ticks::from_ms(1000 * u64::from(seconds));
+            sound.length = flown.seconds.map(length);
             return Ok(Self::Sound(Box::new(sound)));
         }
         let bar = ProgressBar::new_spinner()
@@ -169,10 +167,11 @@ impl Base {
         bar.enable_steady_tick(Duration::from_millis(120));
         let ready = prepare(image, &setup, &mut |_| {})?;
         let frame_hz = f64::from(flown.servo.frame_hz());
-        let campaign = Campaign::new(&ready, frame_hz, flown.phase, flown.seed)
+        let mut campaign = Campaign::new(&ready, frame_hz, flown.phase, flown.seed)
             .with_context(|| format!("phase {}, which is to be disturbed", flown.phase))?;
         bar.finish_and_clear();
-        Ok(Self::Faults(Box::new(campaign.by(flown.plan))))
+        campaign.plan = flown.plan;
+        Ok(Self::Faults(Box::new(campaign)))
     }
 
     fn run(&self, case: Case) -> Result<Outcome, FlightError> {

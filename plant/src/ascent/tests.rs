@@ -21,26 +21,6 @@ impl Ascent {
         self.state.velocity.into()
     }
 
-    /// Puts the rocket into free flight at a time since ignition (s), at a position (m) and
-    /// velocity (m/s) in earth axes, in an attitude and with rates about the body's axes (rad/s).
-    fn release(
-        &mut self,
-        time_s: f64,
-        position_m: [f64; 3],
-        velocity_m_s: [f64; 3],
-        attitude: UnitQuaternion<f64>,
-        rates_rad_s: [f64; 3],
-    ) {
-        self.time_s = Some(time_s);
-        self.on_rail = false;
-        self.state = State {
-            position: position_m.into(),
-            velocity: velocity_m_s.into(),
-            attitude: attitude.into_inner(),
-            rates: rates_rad_s.into(),
-        };
-    }
-
     /// Accelerations about the body's axes, rad/s2.
     fn acceleration_rad_s2(&self) -> [f64; 3] {
         self.slope(&self.drive(), &self.state).rates.into()

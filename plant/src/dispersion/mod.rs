@@ -384,7 +384,7 @@ mod tests {
             let mut law = Pd::new(kp, kd, &linkage, setup.timing.control_s);
             move |m| law.update(m)
         };
-        fly(setup, campaign, law, || ()).unwrap()
+        fly(setup, campaign, |_| true, law, || ()).unwrap()
     }
 
     #[test]

@@ -51,14 +51,15 @@ pub struct Environment {
     vehicle: Vehicle,
     /// Of each axis that the drone has a rudder for.
     servos: Vec<Servo>,
-    sensor: Bno055,
+    /// The sensor.
+    pub sensor: Bno055,
     /// The sensor's errors at a constant temperature.
     errors: ImuErrors,
     lever_m: [f64; 3],
     /// Rates about the body's axes, rad/s, and their mean change in the last step, rad/s^2.
     turning: (Vector3<f64>, Vector3<f64>),
     /// Rate about its own vertical with which it is released, rad/s.
-    spin_rad_s: f64,
+    pub(crate) spin_rad_s: f64,
     heading_rad: f64,
     field: EarthField,
     disturbances: Disturbances,
@@ -81,7 +82,8 @@ pub struct Environment {
     /// The level at the jumper's end, `None` without one.
     jumper: Option<bool>,
     analyzer: LogicAnalyzer,
-    truth: GroundTruth,
+    /// What was seen of the vehicle, its bus and its servos.
+    pub truth: GroundTruth,
 }
 
 impl Environment {
@@ -141,31 +143,6 @@ impl Environment {
         &self.vehicle
     }
 
-    /// The servos, by axis.
-    pub fn servos(&self) -> &[Servo] {
-        &self.servos
-    }
-
-    /// The sensor.
-    pub fn sensor(&self) -> &Bno055 {
-        &self.sensor
-    }
-
-    /// The sensor, to play a recording.
-    pub fn sensor_mut(&mut self) -> &mut Bno055 {
-        &mut self.sensor
-    }
-
-    /// What has happened since it was cleared last.
-    pub fn truth(&self) -> &GroundTruth {
-        &self.truth
-    }
-
-    /// The same, to clear it.
-    pub fn truth_mut(&mut self) -> &mut GroundTruth {
-        &mut self.truth
-    }
-
     /// The same to a pitch and a roll.
     pub fn tilt_clamp_to(&mut self, tilt_rad: [f64; Axis::COUNT]) {
         self.clamp.tilt_to(tilt_rad);
@@ -174,12 +151,6 @@ impl Environment {
     /// Whether the clamp holds the drone at the tilt that [`Self::tilt_clamp_to`] has asked for.
     pub fn clamp_rests(&self) -> bool {
         self.clamp.rests(&self.vehicle)
-    }
-
-    /// From now on the drone, if it hangs in a joint, is released with a rate about its own
-    /// vertical, rad/s.
-    pub fn set_spin(&mut self, spin_rad_s: f64) {
-        self.spin_rad_s = spin_rad_s;
     }
 
     /// Opens the clamp; the drone leaves it with a rate, rad/s.
@@ -461,8 +432,8 @@ impl Board for Environment {
         self.advance(now);
         let reply = self.sensor.i2c(now, event);
         let registers = Registers {
-            refresh: self.sensor.refreshed(),
-            faultless: self.sensor.faultless_words(),
+            refresh: self.sensor.refresh,
+            faultless: self.sensor.faultless,
         };
         self.analyzer
             .i2c(now, event, reply, registers, &mut self.truth);

@@ -139,7 +139,8 @@ pub struct Bno055 {
     bus_noise: ChaCha8Rng,
     signals: SignalChain,
     clock: RefreshClock,
-    refresh: Refresh,
+    /// The refresh whose data the registers hold.
+    pub refresh: Refresh,
     power: Power,
     pages: [[u8; 128]; 2],
     page: usize,
@@ -162,7 +163,7 @@ pub struct Bno055 {
     /// The data registers as they were before the last refresh.
     older: [u8; DATA],
     output: Output,
-    faultless: [i16; 9],
+    pub(crate) faultless: [i16; 9],
 }
 
 /// Length of the data registers.
@@ -179,8 +180,8 @@ impl Bno055 {
         let mut unique_id = [0; 16];
         unit.fill_bytes(&mut unique_id);
         let clock = 1.0 + config.clock_error * unit.random_range(-1.0..=1.0);
-        let signals = SignalChain::new(config.errors, &mut unit, noise)
-            .with_magnetometer(config.magnetometer);
+        let mut signals = SignalChain::new(config.errors, &mut unit, noise);
+        signals.magnetometer = config.magnetometer;
         let mut chip = Self {
             unique_id,
             bus_noise: generator(config.seed, Stream::Bus),
@@ -218,20 +219,7 @@ impl Bno055 {
 
     /// Puts a recording in place of the sensors; its first sample lies at `start`.
     pub fn play(&mut self, recording: Arc<Recording>, start: Ticks) {
-        self.signals.play(Playback::new(recording, start));
-    }
-
-    /// When the data registers were refreshed last, and from what; those of the gyroscope where
-    /// each sensor has a clock of its own.
-    pub fn refreshed(&self) -> Refresh {
-        self.refresh
-    }
-
-    /// The words that the data registers would show now without a fault, with the units and axes
-    /// that were in force at the last change of mode: accelerometer, magnetometer, gyroscope. All
-    /// zero before the first sample.
-    pub fn faultless_words(&self) -> [i16; 9] {
-        self.faultless
+        self.signals.playback = Some(Playback::new(recording, start));
     }
 
     /// The chip's 7-bit address on the bus.
@@ -256,12 +244,12 @@ impl Bno055 {
 
     /// Replaces what the magnetometer is like.
     pub fn set_magnetometer(&mut self, magnetometer: Magnetometer) {
-        self.signals.set_magnetometer(magnetometer);
+        self.signals.magnetometer = magnetometer;
     }
 
     /// Replaces the errors of its sensors; the offset of the gyroscope that was drawn stays.
     pub fn set_errors(&mut self, errors: ImuErrors) {
-        self.signals.set_errors(errors);
+        self.signals.errors = errors;
     }
 
     /// Exposes the sensors to `truth` from the last call until `now`.

@@ -116,7 +116,7 @@ impl RefreshClock {
 impl Bno055 {
     /// Carries out the refreshes that are due up to `now`.
     pub(super) fn refresh_until(&mut self, now: Ticks) {
-        let together = self.mode.is_fusion() || self.signals.playback().is_some();
+        let together = self.mode.is_fusion() || self.signals.playback.is_some();
         while let Some((at, sensors)) = self.clock.take(now, self.mode, together) {
             let settings = self.settings();
             // The sensors go on converting even while the registers stand still.
@@ -151,7 +151,7 @@ impl Bno055 {
     /// Gives a sample to the chip's own calibration and writes the offsets that it learned to the
     /// profile.
     fn calibrate(&mut self, sample: &Sample) {
-        let hard_iron = self.signals.hard_iron_ut();
+        let hard_iron = self.signals.errors.hard_iron_ut;
         let field = [0, 1, 2].map(|axis| sample.mag_ut[axis] - hard_iron[axis]);
         let dt_s = self.clock.period(self.mode).as_secs_f64();
         let units = self.get(page0::UNIT_SEL);
@@ -189,7 +189,7 @@ impl Bno055 {
         if sensors[GYROSCOPE] {
             self.refresh = Refresh {
                 at,
-                recorded: self.signals.playback().map(Playback::shown),
+                recorded: self.signals.playback.as_ref().map(Playback::shown),
             };
         }
         let data = usize::from(page0::ACC_DATA)..usize::from(page0::TEMP);

@@ -88,12 +88,12 @@ impl Settings {
 /// The three sensors up to their analogue-to-digital converters and filters.
 #[derive(Clone, Debug)]
 pub(super) struct SignalChain {
-    errors: ImuErrors,
+    pub(super) errors: ImuErrors,
     turn_on_bias_rad_s: [f64; 3],
     wandering_rad_s: [f64; 3],
     noise: ChaCha8Rng,
     filtered: Option<Sample>,
-    magnetometer: Magnetometer,
+    pub(super) magnetometer: Magnetometer,
     /// Fields of the last while, where the magnetometer gives old ones, uT; the oldest first.
     fields: VecDeque<(Ticks, [f64; 3])>,
     /// The first conversion since power-on, uT.
@@ -101,7 +101,7 @@ pub(super) struct SignalChain {
     mag_latched: Option<[f64; 3]>,
     next_mag: f64,
     last_sense: Ticks,
-    playback: Option<Playback>,
+    pub(super) playback: Option<Playback>,
 }
 
 impl SignalChain {
@@ -123,19 +123,6 @@ impl SignalChain {
         }
     }
 
-    pub(super) fn with_magnetometer(mut self, magnetometer: Magnetometer) -> Self {
-        self.magnetometer = magnetometer;
-        self
-    }
-
-    pub(super) fn set_magnetometer(&mut self, magnetometer: Magnetometer) {
-        self.magnetometer = magnetometer;
-    }
-
-    pub(super) fn set_errors(&mut self, errors: ImuErrors) {
-        self.errors = errors;
-    }
-
     /// The chip's temperature, deg C.
     pub(super) fn temperature_c(&self) -> f64 {
         self.errors.warm_up.at(self.last_sense)
@@ -153,23 +140,10 @@ impl SignalChain {
         add(self.errors.acc_offset_m_s2, drift)
     }
 
-    /// The field that turns with the sensor, uT.
-    pub(super) fn hard_iron_ut(&self) -> [f64; 3] {
-        self.errors.hard_iron_ut
-    }
-
     /// The change at the present temperature of a quantity that changes by `per_k` for each K.
     fn drift(&self, per_k: [f64; 3]) -> [f64; 3] {
         let above = self.temperature_c() - REFERENCE_C;
         per_k.map(|change| change * above)
-    }
-
-    pub(super) fn play(&mut self, playback: Playback) {
-        self.playback = Some(playback);
-    }
-
-    pub(super) fn playback(&self) -> Option<&Playback> {
-        self.playback.as_ref()
     }
 
     /// Forgets the filters' state, as a change of mode does; the bias stays.

@@ -228,14 +228,14 @@ fn refreshes_at_100_hz_by_its_own_clock() {
     bus.wait_ms(700);
     bus.write(page0::OPR_MODE, &[Mode::Amg as u8]);
     bus.wait_ms(30);
-    let (mut refreshes, mut last) = (0, bus.chip.refreshed());
+    let (mut refreshes, mut last) = (0, bus.chip.refresh);
     let first = last.at;
     for _ in 0..20_000 {
         bus.now += Ticks::from_us(500);
         bus.sense();
-        if bus.chip.refreshed() != last {
+        if bus.chip.refresh != last {
             refreshes += 1;
-            last = bus.chip.refreshed();
+            last = bus.chip.refresh;
         }
     }
     let period = (last.at - first).as_us_f64() / f64::from(refreshes);

@@ -261,7 +261,7 @@ pub fn fly_at_once(
 fn boot(image: &Image, setup: &Setup) -> Flown<Ready> {
     let mut ready = Ready {
         rig: Rig::new(image, &setup.rig)?,
-        station: GroundStation::new(),
+        station: GroundStation::default(),
         seed: setup.rig.seed,
     };
     let Ready { rig, station, .. } = &mut ready;
@@ -313,7 +313,7 @@ impl Ready {
     ) -> Flown<FlightRecord> {
         let begun = Mark::of(&self.rig);
         let mut fork = self.armed(release.tilt_rad, progress)?;
-        fork.rig.environment_mut().set_spin(release.spin_rad_s);
+        fork.rig.environment_mut().spin_rad_s = release.spin_rad_s;
         fork.station.release(&mut fork.rig, release.rate_rad_s)?;
         fork.fly_on(release.tilt_rad, seconds, begun, progress)
     }
@@ -334,7 +334,7 @@ impl Ready {
         let begun = Mark::of(&self.rig);
         let mut fork = self.armed(tilt_rad, progress)?;
         fork.watch(Stage::Tilt, Ticks::from_secs_f64(countdown_s), progress)?;
-        fork.rig.environment_mut().truth_mut().clear();
+        fork.rig.environment_mut().truth.clear();
         fork.rig.release(0.0);
         fork.fly_on(tilt_rad, seconds, begun, progress)
     }

@@ -291,7 +291,7 @@ impl Pilot {
     /// The state of the rig.
     pub fn look(&self, rig: &Rig) -> Look {
         let environment = rig.environment();
-        let faults = environment.sensor().faults();
+        let faults = environment.sensor.faults();
         Look {
             time_s: rig.now().as_secs_f64(),
             pitch_rad: environment.vehicle().tilt_rad()[0],

@@ -235,6 +235,6 @@ impl RealTime {
             self.summary.jitter_us_max = self.summary.jitter_us_max.max(timing.jitter_us_max);
         }
         self.window_start = self.rig.now();
-        self.rig.environment_mut().truth_mut().clear();
+        self.rig.environment_mut().truth.clear();
     }
 }

@@ -66,9 +66,9 @@ pub fn replay(
 ) -> Result<ReplayRecord, FlightError> {
     let mut rig = Rig::new(image, config)?;
     rig.environment_mut()
-        .sensor_mut()
+        .sensor
         .play(recording.clone(), Ticks::ZERO);
-    let mut station = GroundStation::new();
+    let mut station = GroundStation::default();
     let begin = Mark::of(&rig);
     let end = Ticks::from_secs_f64(recording.duration_s().min(longest_s));
     station.connect(&mut rig)?;

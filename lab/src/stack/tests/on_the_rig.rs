@@ -21,7 +21,7 @@ type Branches = BTreeMap<u32, BTreeSet<u32>>;
 fn branches(image: &Image) -> Branches {
     let setup = Setup::with_polarity(ServoKind::S3003, 1);
     let mut rig = Rig::new(image, &setup.rig).unwrap();
-    let mut station = GroundStation::new();
+    let mut station = GroundStation::default();
     let mut seen = Branches::new();
     let mut note = |rig: &Rig| {
         for (from, to) in rig.chip().trail() {

@@ -38,7 +38,7 @@ fn steered(mut environment: Environment, width_us: u64) -> Environment {
 
 /// Crank angle, rad, `ms` after the power came on.
 fn crank_at(environment: &Environment, ms: u64) -> f64 {
-    let motion = &environment.truth().motion;
+    let motion = &environment.truth.motion;
     let at = motion.partition_point(|m| m.time < Ticks::from_ms(ms));
     motion[at].crank_rad
 }
@@ -102,7 +102,7 @@ fn a_sensor_that_warms_up_drifts_from_power_on() {
             ..Disturbances::default()
         });
         environment.advance(Ticks::from_ms(ms));
-        environment.sensor().gyro_bias_rad_s()[1].to_degrees()
+        environment.sensor.gyro_bias_rad_s()[1].to_degrees()
     };
     let temperature = Temperature {
         from_c: 25.0,
@@ -140,7 +140,7 @@ fn half_the_thrust_turns_the_drone_half_as_fast() {
         bench.parameters.gravity_m_s2 = 0.0;
         bench.disturbances.thrust_ramp = ramp;
         let environment = steered(Environment::new(&bench).unwrap(), 1600);
-        let last = environment.truth().motion.last().unwrap();
+        let last = environment.truth.motion.last().unwrap();
         (last.rate_rad_s, last.rudder_rad)
     };
     let (whole, rudder) = rate_after(None);

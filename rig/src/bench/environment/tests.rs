@@ -81,7 +81,7 @@ fn the_clamp_holds_tilts_and_lets_go() {
     assert_eq!(environment.vehicle().pitch_rad(), 0.0);
     environment.tilt_clamp_to([0.4, 0.0]);
     environment.advance(Ticks::from_ms(500));
-    assert!((environment.truth().motion.last().unwrap().rate_rad_s - 0.5).abs() < 1e-9);
+    assert!((environment.truth.motion.last().unwrap().rate_rad_s - 0.5).abs() < 1e-9);
     environment.advance(Ticks::from_ms(1000));
     assert!(environment.clamp_rests());
     assert_eq!(environment.vehicle().pitch_rad(), 0.4);
@@ -134,7 +134,7 @@ fn faults_come_and_go_after_each_release() {
     });
     let stuck = |environment: &mut Environment, ms: u64| {
         environment.advance(Ticks::from_ms(ms));
-        environment.sensor().held_low(Ticks::from_ms(ms)).scl
+        environment.sensor.held_low(Ticks::from_ms(ms)).scl
     };
     assert!(
         !stuck(&mut environment, 100),
@@ -166,7 +166,7 @@ fn a_fault_without_an_end_comes_with_the_power() {
     });
     let stuck = |environment: &mut Environment, ms: u64| {
         environment.advance(Ticks::from_ms(ms));
-        environment.sensor().held_low(Ticks::from_ms(ms)).scl
+        environment.sensor.held_low(Ticks::from_ms(ms)).scl
     };
     assert!(stuck(&mut environment, 1));
     environment.release(0.0);
@@ -223,13 +223,12 @@ fn a_pulse_turns_the_servo_and_pitches_the_drone() {
     }
     environment.advance(Ticks::from_ms(500));
     assert!(
-        (environment.servos()[0].crank().angle_rad - environment.servos()[0].target_rad()).abs()
-            < 0.01
+        (environment.servos[0].crank().angle_rad - environment.servos[0].target_rad()).abs() < 0.01
     );
     assert!(environment.vehicle().rudders_rad()[0] > 0.15);
     // Positive rudder, nose down.
     assert!(environment.vehicle().pitch_rad() < -0.1);
-    assert_eq!(environment.truth().pulses.len(), 25);
+    assert_eq!(environment.truth.pulses.len(), 25);
 }
 
 #[test]

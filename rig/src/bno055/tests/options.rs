@@ -78,7 +78,7 @@ fn hasty_writes_are_lost() {
 /// and at how many of those moments two of them do.
 fn refreshes(config: Config, mode: Mode) -> ([u32; 3], u32) {
     let mut bus = Bus::running_as(config, mode);
-    let words = |bus: &Bus| -> [i16; 9] { bus.chip.faultless_words() };
+    let words = |bus: &Bus| -> [i16; 9] { bus.chip.faultless };
     let (mut changes, mut together) = ([0; 3], 0);
     let mut last = words(&bus);
     for step in 0..4000 {
@@ -170,7 +170,7 @@ fn the_field_is_as_old_as_it_is_said_to_be() {
         bus.wait_ms(200);
         bus.truth.field_ut = [40.0, 0.0, 0.0];
         let stepped = bus.now;
-        while bus.chip.faultless_words()[3] != 640 {
+        while bus.chip.faultless[3] != 640 {
             bus.wait_ms(1);
         }
         let after = (bus.now - stepped).as_us() / 1000;

@@ -114,7 +114,8 @@ pub const SILENCE_LIMIT: Ticks = Ticks::from_ms(800);
 pub struct Campaign {
     seed: u64,
     phase: Phase,
-    plan: Plan,
+    /// [`Plan::Faults`] unless another is set.
+    pub plan: Plan,
     frame: Ticks,
     /// Widths of the neutral pulse of every axis that is steered, us.
     neutral_us: Vec<(Axis, RangeInclusive<f64>)>,
@@ -214,12 +215,6 @@ impl Campaign {
         })
     }
 
-    /// The campaign by another plan than [`Plan::Faults`].
-    #[must_use]
-    pub fn by(self, plan: Plan) -> Self {
-        Self { plan, ..self }
-    }
-
     /// The bits of the servo timer, in words: with [`Plan::TimerBits`] the run of number n flips
     /// the one at n modulo their number.
     pub fn timer_bits(&self) -> Vec<String> {
@@ -258,7 +253,7 @@ impl Campaign {
             at: rig.now(),
             lasted,
         };
-        rig.environment_mut().truth_mut().clear();
+        rig.environment_mut().truth.clear();
         match case.kind {
             Kind::Sensor(kind) => {
                 let mut fault = kind.draw(&mut dice);

@@ -169,7 +169,7 @@ impl Undisturbed {
         watched: Ticks,
     ) -> Result<Self, FlightError> {
         let mut base = ready.clone();
-        base.rig.environment_mut().truth_mut().clear();
+        base.rig.environment_mut().truth.clear();
         let (before, _) = stored(&base.rig);
         let instants = phase.enter(&mut base, tilt_rad)?;
         let begin = base.rig.now();

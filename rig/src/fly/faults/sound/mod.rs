@@ -116,8 +116,10 @@ pub struct Sound {
     phase: Phase,
     /// Parts that are given, as `--hardware` takes them.
     hardware: String,
-    length: Option<Ticks>,
-    fault: Option<Fault>,
+    /// How long it flies, or stays in another phase, if not as long as that phase takes.
+    pub length: Option<Ticks>,
+    /// What breaks in the middle: then it is not sound.
+    pub fault: Option<Fault>,
 }
 
 impl Sound {
@@ -143,24 +145,6 @@ impl Sound {
             hardware: hardware.to_owned(),
             ..self
         })
-    }
-
-    /// With runs of this length.
-    #[must_use]
-    pub fn lasting(self, length: Ticks) -> Self {
-        Self {
-            length: Some(length),
-            ..self
-        }
-    }
-
-    /// With a fault of the sensor in each run, from its middle on: what is not sound is found.
-    #[must_use]
-    pub fn broken_by(self, fault: Fault) -> Self {
-        Self {
-            fault: Some(fault),
-            ..self
-        }
     }
 
     /// Carries out a run. The same one of the same campaign always ends in the same way.
@@ -273,7 +257,7 @@ impl Run<'_> {
     fn fly(&mut self, ready: &mut Ready, dice: &mut impl Rng) -> Result<(), FlightError> {
         let phase = self.sound.phase;
         let length_ms = self.sound.length().as_us() / 1000;
-        ready.rig.environment_mut().truth_mut().clear();
+        ready.rig.environment_mut().truth.clear();
         let begin = ready.rig.now();
         let received = ready.station.received();
         let (beats, texts) = (received.heartbeats.len(), received.texts.len());
