@@ -181,15 +181,10 @@ impl I2cReply {
     /// Nobody answers: released lines read as ones.
     pub const NAK: Self = Self {
         ack: false,
-        data: 0xFF,
-        stretch: Ticks::ZERO,
+        ..Self::ACK
     };
     /// Acknowledged without stretching.
-    pub const ACK: Self = Self {
-        ack: true,
-        data: 0xFF,
-        stretch: Ticks::ZERO,
-    };
+    pub const ACK: Self = Self::data(0xFF);
 
     /// The byte of a `Read`, without stretching.
     pub const fn data(data: u8) -> Self {

@@ -190,15 +190,11 @@ impl Pilot {
         if self.clamp.is_some() {
             return;
         }
-        let held = rig.environment().vehicle().held();
         match state {
-            StateKind::Active if held => rig.release(self.rate_rad_s),
-            StateKind::Active | StateKind::Failsafe => {}
-            _ if !held => {
-                rig.environment_mut().catch();
-                rig.environment_mut().tilt_clamp_to(self.start_rad);
-            }
-            _ => {}
+            StateKind::Active => self.move_clamp(rig, true),
+            // The drone swings on until it is stood up again.
+            StateKind::Failsafe => {}
+            _ => self.move_clamp(rig, false),
         }
     }
 
@@ -277,10 +273,16 @@ impl Pilot {
 
     fn clamp(&mut self, rig: &mut Rig, by_hand: Option<bool>) {
         self.clamp = by_hand;
-        let held = rig.environment().vehicle().held();
-        match by_hand {
-            Some(true) if held => rig.release(self.rate_rad_s),
-            Some(false) if !held => {
+        if let Some(opens) = by_hand {
+            self.move_clamp(rig, opens);
+        }
+    }
+
+    /// Opens or closes the clamp, if it is not so already.
+    fn move_clamp(&self, rig: &mut Rig, opens: bool) {
+        match (opens, rig.environment().vehicle().held()) {
+            (true, true) => rig.release(self.rate_rad_s),
+            (false, false) => {
                 rig.environment_mut().catch();
                 rig.environment_mut().tilt_clamp_to(self.start_rad);
             }

@@ -25,16 +25,13 @@ impl Core {
     /// The half-word at `pc`.
     #[inline(always)]
     pub(super) fn fetch(&mut self, bus: &Bus<'_>, pc: u32) -> Outcome<u16> {
-        let at = pc as usize;
-        if let Some(&[low, high]) = bus.memory.flash().get(at..at + 2) {
+        if let Some(op) = read::<2, _>(bus.memory.flash(), pc) {
             self.wait_for_flash(pc);
-            return Ok(u16::from_le_bytes([low, high]));
+            return Ok(op as u16);
         }
-        let at = pc.wrapping_sub(RAM_BASE) as usize;
-        match bus.memory.ram().get(at..at + 2) {
-            Some(&[low, high]) => Ok(u16::from_le_bytes([low, high])),
-            _ => Err(Trap::Fault(FaultKind::UnmappedFetch { address: pc }).into()),
-        }
+        read::<2, _>(bus.memory.ram(), pc.wrapping_sub(RAM_BASE))
+            .map(|op| op as u16)
+            .ok_or_else(|| Trap::Fault(FaultKind::UnmappedFetch { address: pc }).into())
     }
 
     /// Loads `N` (1, 2 or 4) bytes, zero-extended.
@@ -43,14 +40,12 @@ impl Core {
         if !(address as usize).is_multiple_of(N) {
             return Err(unaligned_load(address, width::<N>()));
         }
-        let at = address.wrapping_sub(RAM_BASE) as usize;
-        if let Some(bytes) = bus.memory.ram().get(at..at + N) {
-            return Ok(word(bytes));
+        if let Some(word) = read::<N, _>(bus.memory.ram(), address.wrapping_sub(RAM_BASE)) {
+            return Ok(word);
         }
-        let at = address as usize;
-        if let Some(bytes) = bus.memory.flash().get(at..at + N) {
+        if let Some(word) = read::<N, _>(bus.memory.flash(), address) {
             self.wait_for_flash(address);
-            return Ok(word(bytes));
+            return Ok(word);
         }
         self.load_device(bus, address, width::<N>())
     }
@@ -66,9 +61,8 @@ impl Core {
         if !(address as usize).is_multiple_of(N) {
             return Err(unaligned_store(address, width::<N>()));
         }
-        let at = address.wrapping_sub(RAM_BASE) as usize;
-        if let Some(bytes) = bus.memory.ram_mut().get_mut(at..at + N) {
-            bytes.copy_from_slice(&value.to_le_bytes()[..N]);
+        let at = address.wrapping_sub(RAM_BASE);
+        if write::<N>(bus.memory.ram_mut(), at, value) {
             return Ok(());
         }
         self.store_device(bus, address, width::<N>(), value)

@@ -261,10 +261,7 @@ impl Peripherals {
             return Err(Refusal::Forbidden(why));
         }
         match entry.block {
-            Block::Tcc(index) => {
-                let outputs = self.tcc[index].outputs();
-                self.port.drive(now, index as u8, outputs, board);
-            }
+            Block::Tcc(index) => self.drive(now, index, board),
             Block::Tc(_) => self.tc[2].is_slave = self.tc[1].is_32_bits(),
             Block::Port => self.connect_pads(board),
             _ => {}
@@ -272,6 +269,12 @@ impl Peripherals {
         self.check_flash(now);
         self.refresh(now);
         Ok(stall)
+    }
+
+    /// The pins of a TCC follow its outputs.
+    fn drive(&mut self, now: Ticks, tcc: usize, board: &mut dyn Board) {
+        let outputs = self.tcc[tcc].outputs();
+        self.port.drive(now, tcc as u8, outputs, board);
     }
 
     /// The peripheral at `addr`, if its bus clock runs.
@@ -413,8 +416,7 @@ impl Peripherals {
             Block::Sercom(index) => self.sercom[index].flip(offset, bit),
             Block::Tcc(index) => {
                 let flipped = self.tcc[index].flip(now, offset, bit);
-                let outputs = self.tcc[index].outputs();
-                self.port.drive(now, index as u8, outputs, board);
+                self.drive(now, index, board);
                 flipped
             }
             Block::Usb => self.usb.flip(offset, bit),

@@ -341,7 +341,11 @@ impl Campaign {
                 let (address, bit) = bits[case.number as usize % bits.len()];
                 SystemFault::flip(kind, &mut fork.rig, address, bit)
             }
-            _ => system::begin(kind, fork, dice)?,
+            _ => {
+                let mut fault = SystemFault::of(Blame::Each);
+                fault.add(kind, fork, dice)?;
+                fault
+            }
         };
         what.clone_from(&fault.what);
         let Ready { rig, station, .. } = fork;

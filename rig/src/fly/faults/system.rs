@@ -132,20 +132,10 @@ pub(super) struct SystemFault {
     pub(super) what: String,
     /// Which stray pulses count.
     pub(super) blame: Blame,
+    kinds: Vec<SystemKind>,
     stuck: Vec<u8>,
-    stopped: bool,
     /// Error that the main clock has meanwhile.
     pub(super) shifted_ppm: f64,
-    host: Vec<HostFault>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum HostFault {
-    Flood,
-    Stall,
-    Replug,
-    Suspend,
-    Frames,
 }
 
 const RAM: u32 = 0x2000_0000;
@@ -153,20 +143,6 @@ const RAM: u32 = 0x2000_0000;
 const AWAKE_WITHIN: Ticks = Ticks::from_ms(20);
 /// What is done by a host that misbehaves is done so often.
 pub(super) const HOST_PERIOD: Ticks = Ticks::from_ms(1);
-
-/// Begins a fault of this kind.
-///
-/// # Errors
-/// The rig stopped.
-pub(super) fn begin(
-    kind: SystemKind,
-    ready: &mut Ready,
-    dice: &mut impl Rng,
-) -> Result<SystemFault, FlightError> {
-    let mut fault = SystemFault::of(Blame::Each);
-    fault.add(kind, ready, dice)?;
-    Ok(fault)
-}
 
 impl SystemFault {
     /// A bit of a register flips.
@@ -178,18 +154,22 @@ impl SystemFault {
         }
     }
 
-    fn of(blame: Blame) -> Self {
+    /// None yet.
+    pub(super) fn of(blame: Blame) -> Self {
         Self {
             what: String::new(),
             blame,
+            kinds: Vec::new(),
             stuck: Vec::new(),
-            stopped: false,
             shifted_ppm: 0.0,
-            host: Vec::new(),
         }
     }
 
-    fn add(
+    /// Begins a fault of this kind, too.
+    ///
+    /// # Errors
+    /// The rig stopped.
+    pub(super) fn add(
         &mut self,
         kind: SystemKind,
         ready: &mut Ready,
@@ -255,7 +235,6 @@ impl SystemFault {
             }
             SystemKind::ClockStop => {
                 rig.chip_mut().stop_dfll(true);
-                self.stopped = true;
                 "the DFLL stands still".into()
             }
             SystemKind::ClockJump => {
@@ -307,11 +286,11 @@ impl SystemFault {
                 rig.usb_write(&frame(&order.message()));
                 format!("action {action}")
             }
-            SystemKind::UsbFlood => self.host(HostFault::Flood, "noise"),
-            SystemKind::UsbStall => self.host(HostFault::Stall, "nothing is read"),
-            SystemKind::UsbReplug => self.host(HostFault::Replug, "out and in"),
-            SystemKind::UsbSuspend => self.host(HostFault::Suspend, "asleep and awake"),
-            SystemKind::UsbFrames => self.host(HostFault::Frames, "valid frames at random"),
+            SystemKind::UsbFlood => "noise".into(),
+            SystemKind::UsbStall => "nothing is read".into(),
+            SystemKind::UsbReplug => "out and in".into(),
+            SystemKind::UsbSuspend => "asleep and awake".into(),
+            SystemKind::UsbFrames => "valid frames at random".into(),
             SystemKind::Several => {
                 let mut resets = 0;
                 for _ in 0..dice.random_range(2..=3) {
@@ -331,37 +310,34 @@ impl SystemFault {
             self.what += "; ";
         }
         self.what += &format!("{kind}: {what}");
+        self.kinds.push(kind);
         self.blame = self.blame.max(kind.blame());
         Ok(())
     }
 
-    fn host(&mut self, fault: HostFault, what: &str) -> String {
-        self.host.push(fault);
-        what.into()
-    }
-
     /// What the host does every millisecond while the fault lasts.
     pub(super) fn act(&self, millisecond: u64, rig: &mut Rig, dice: &mut impl Rng) {
-        for fault in &self.host {
-            match fault {
-                HostFault::Flood => {
+        for kind in &self.kinds {
+            match kind {
+                SystemKind::UsbFlood => {
                     if rig.usb_host().unsent() < 4096 {
                         let noise: [u8; 512] = std::array::from_fn(|_| dice.random());
                         rig.usb_write(&noise);
                     }
                 }
-                HostFault::Stall => rig.usb_host_mut().pause_reading(true),
-                HostFault::Replug => match millisecond % 40 {
+                SystemKind::UsbStall => rig.usb_host_mut().pause_reading(true),
+                SystemKind::UsbReplug => match millisecond % 40 {
                     0 => rig.usb_host_mut().detach(),
                     4 => rig.usb_host_mut().attach(),
                     _ => {}
                 },
-                HostFault::Suspend => match millisecond % 20 {
+                SystemKind::UsbSuspend => match millisecond % 20 {
                     0 => rig.usb_host_mut().suspend(),
                     10 => rig.usb_host_mut().resume(),
                     _ => {}
                 },
-                HostFault::Frames => rig.usb_write(&valid_frame(dice)),
+                SystemKind::UsbFrames => rig.usb_write(&valid_frame(dice)),
+                _ => {}
             }
         }
     }
@@ -371,13 +347,14 @@ impl SystemFault {
         for line in &self.stuck {
             rig.chip_mut().stick_interrupt(*line, None);
         }
-        if self.stopped {
+        if self.kinds.contains(&SystemKind::ClockStop) {
             rig.chip_mut().stop_dfll(false);
         }
         if self.shifted_ppm != 0.0 {
             rig.chip_mut().shift_dfll(-self.shifted_ppm);
         }
-        if !self.host.is_empty() {
+        let is_of_host = |kind| SystemKind::UsbFlood <= kind && kind <= SystemKind::UsbFrames;
+        if self.kinds.iter().copied().any(is_of_host) {
             let host = rig.usb_host_mut();
             host.pause_reading(false);
             host.resume();

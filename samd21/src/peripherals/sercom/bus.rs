@@ -82,9 +82,9 @@ pub(super) enum Motion {
     /// The master sends a 1 and reads a 0.
     LoseArbitration,
     /// The master lets go of SCL for a STOP; then a START, if ADDR was written meanwhile.
-    Stop { restart: bool },
+    Stop,
     /// The slave, which held SCL before the STOP, lets go of it.
-    LateStop { restart: bool },
+    LateStop,
 }
 
 impl Sercom {
@@ -134,12 +134,7 @@ impl Sercom {
             }
             (BusState::Busy, _) => self.wait(bus.now, Motion::AwaitIdle, POLL),
             (BusState::Idle, _) => self.start(bus.now),
-            (BusState::Owner, Motion::Stop { .. }) => {
-                self.motion = Motion::Stop { restart: true };
-            }
-            (BusState::Owner, Motion::LateStop { .. }) => {
-                self.motion = Motion::LateStop { restart: true };
-            }
+            (BusState::Owner, Motion::Stop | Motion::LateStop) => self.restarts = true,
             (BusState::Owner, _) if self.held.is_some() => self.start(bus.now),
             (BusState::Owner, _) => {
                 self.note(bus, "ADDR written in the middle of a byte: ignored");
@@ -186,7 +181,8 @@ impl Sercom {
             (3, _) => {
                 self.interrupts.flags &= !(MB | SB);
                 let stop = acknowledge + self.bit() + self.bit() / 2;
-                self.release(now, Motion::Stop { restart: false }, stop);
+                self.restarts = false;
+                self.release(now, Motion::Stop, stop);
             }
             _ => self.note(bus, "CMD 2 after a byte written: does nothing"),
         }
@@ -238,8 +234,8 @@ impl Sercom {
                 self.lines = self.held_low(now, bus.board);
                 self.lose_bus(now);
             }
-            Motion::Stop { restart } => self.stop(bus, restart),
-            Motion::LateStop { restart } => self.finish_stop(bus, restart),
+            Motion::Stop => self.stop(bus),
+            Motion::LateStop => self.finish_stop(bus),
         }
     }
 
@@ -318,7 +314,7 @@ impl Sercom {
     }
 
     /// Asks the slave for the STOP.
-    fn stop(&mut self, bus: &mut Bus<'_>, restart: bool) {
+    fn stop(&mut self, bus: &mut Bus<'_>) {
         let now = bus.now;
         if self.scl_is_held(bus) {
             return;
@@ -327,15 +323,15 @@ impl Sercom {
             let stretch = self.ask(bus, I2cEvent::Stop).stretch;
             if stretch > Ticks::ZERO {
                 self.scl_low_since = Some(now);
-                self.wait(now, Motion::LateStop { restart }, stretch);
+                self.wait(now, Motion::LateStop, stretch);
                 return;
             }
         }
-        self.finish_stop(bus, restart);
+        self.finish_stop(bus);
     }
 
     /// SCL is high: SDA follows it, which is the STOP.
-    fn finish_stop(&mut self, bus: &mut Bus<'_>, restart: bool) {
+    fn finish_stop(&mut self, bus: &mut Bus<'_>) {
         let now = bus.now;
         if self.scl_is_held(bus) {
             return;
@@ -344,13 +340,13 @@ impl Sercom {
         self.lines = self.held_low(now, bus.board);
         if self.lines.sda {
             self.lose_bus(now);
-            if restart {
+            if self.restarts {
                 self.wait(now, Motion::AwaitIdle, POLL);
             }
             return;
         }
         self.state = BusState::Idle;
-        if restart {
+        if self.restarts {
             self.start(now);
         }
     }

@@ -83,6 +83,8 @@ pub(crate) struct Sercom {
     /// The master holds SCL low, after a byte of this direction, until it gets a command.
     held: Option<Direction>,
     motion: Motion,
+    /// A start waits for the end of the stop.
+    restarts: bool,
     /// When the motion goes on.
     due: Ticks,
     /// Since when SCL is low without going on.
