@@ -303,7 +303,7 @@ impl Rig {
 
     /// How far the chip's main clock may be off by itself, relative.
     pub fn clock_error(&self) -> f64 {
-        let drift = f64::from(self.hardware.clock_drift_ppm_s) * 1e-6;
+        let drift = f64::from(self.hardware.chip.dfll_drift_ppm_s) * 1e-6;
         self.hardware.clock_percent.abs() / 100.0 + (drift * self.now().as_secs_f64()).abs()
     }
 

@@ -255,8 +255,8 @@ impl Environment {
 
     /// The sensor's bus and its magnetometer are like those of `hardware` from now on.
     pub fn set_sensor(&mut self, hardware: &Hardware) {
-        self.sensor.set_bus(hardware.bus.clone());
-        self.sensor.set_magnetometer(hardware.magnetometer);
+        self.sensor.set_bus(hardware.sensor.bus.clone());
+        self.sensor.set_magnetometer(hardware.sensor.magnetometer);
     }
 
     /// The chip has been reset; what its pins do then it says itself.

@@ -9,7 +9,7 @@ pub(crate) use keys::number;
 pub use keys::{Key, keys};
 
 use super::BenchConfig;
-use crate::bno055::{BusTiming, Magnetometer, RefreshRates};
+use crate::bno055;
 use crate::bootloader::Bootloader;
 use crate::random::{Stream, generator};
 use rand::Rng;
@@ -23,16 +23,8 @@ use std::str::FromStr;
 /// What the emulated parts are like where real ones differ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hardware {
-    /// 7-bit address of the sensor: 0x28 or 0x29, by the level at its address pin.
-    pub address: u8,
-    /// How long a write to the sensor takes to act.
-    pub late_registers: Ticks,
-    /// A write to the sensor that follows sooner than this after the one before is lost.
-    pub lost_within: Ticks,
-    /// Refreshes of the sensor's data registers, each sensor's by itself.
-    pub refresh: Option<RefreshRates>,
-    /// Age and worth of the magnetic field.
-    pub magnetometer: Magnetometer,
+    /// The sensor: its address, its bus, its registers, its refreshes and its magnetometer.
+    pub sensor: bno055::Config,
     /// Largest deviation of the sensor's clock, %.
     pub sensor_clock_percent: f64,
     /// Noise of all three sensors, relative to a typical chip's.
@@ -43,27 +35,18 @@ pub struct Hardware {
     pub lever_m: [f64; 3],
     /// What runs between a reset and the image.
     pub bootloader: Bootloader,
-    /// How long the sensor holds the clock line of its bus.
-    pub bus: BusTiming,
     /// Error of the chip's 48 MHz while no USB host corrects it, %.
     pub clock_percent: f64,
-    /// How fast that error grows, ppm/s.
-    pub clock_drift_ppm_s: i32,
     /// Frequency of the chip's slow oscillator, which the watchdog runs on, relative to 32,768 Hz;
     /// drawn from the rig's seed if it is not given.
     pub slow_clock: Option<f64>,
-    /// How long the chip takes to wake from sleep.
-    pub wake: Ticks,
-    /// The operating system at the other end of the USB cable.
-    pub host: System,
-    /// The chip's user row.
-    pub user_row: UserRow,
+    /// The chip: its wake-up time, its user row, its watchdog, the growth of its clock's error, and
+    /// the host at the other end of its cable.
+    pub chip: Options,
     /// A jumper leads the servo's signal from D3 to D2.
     pub jumper: bool,
     /// How long erasing and writing flash take, relative to the data sheet's longest.
     pub flash_time: f64,
-    /// The watchdog resets the chip.
-    pub watchdog_works: bool,
     /// Probability that a read or a write of the port is lost on its way.
     pub usb_loss: f64,
 }
@@ -71,26 +54,20 @@ pub struct Hardware {
 impl Default for Hardware {
     fn default() -> Self {
         Self {
-            address: 0x28,
-            late_registers: Ticks::ZERO,
-            lost_within: Ticks::ZERO,
-            refresh: None,
-            magnetometer: Magnetometer::default(),
+            sensor: bno055::Config::default(),
             sensor_clock_percent: 1.0,
             noise: 1.0,
             gyro_per_g_deg_s: 0.0,
             lever_m: [0.0; 3],
             bootloader: Bootloader::default(),
-            bus: BusTiming::default(),
             clock_percent: 0.0,
-            clock_drift_ppm_s: 0,
             slow_clock: None,
-            wake: Ticks::from_us(4),
-            host: System::Bare,
-            user_row: UserRow::SHIPPED,
+            chip: Options {
+                wake_up: Ticks::from_us(4),
+                ..Options::default()
+            },
             jumper: true,
             flash_time: 1.0,
-            watchdog_works: true,
             usb_loss: 0.0,
         }
     }
@@ -156,15 +133,10 @@ impl Hardware {
         Options {
             seed,
             dfll_error_ppm: (self.clock_percent * 1e4).round() as i32,
-            dfll_drift_ppm_s: self.clock_drift_ppm_s,
             osculp32k_hz: (self.slow_clock.unwrap_or(drawn) * 32_768.0).round() as u32,
             osculp32k_phase: Ticks(dice.random_range(0..CYCLE.0)),
-            wake_up: self.wake,
-            host: self.host,
-            user_row: self.user_row,
             flash_time_percent: (self.flash_time * 100.0).round() as u32,
-            watchdog_bites: self.watchdog_works,
-            ..Options::default()
+            ..self.chip.clone()
         }
     }
 
@@ -173,13 +145,14 @@ impl Hardware {
         bench.lever_m = self.lever_m;
         bench.jumper = self.jumper;
         let sensor = &mut bench.sensor;
-        sensor.address = self.address;
-        sensor.bus = self.bus.clone();
-        sensor.late_registers = self.late_registers;
-        sensor.lost_within = self.lost_within;
-        sensor.refresh = self.refresh;
-        sensor.magnetometer = self.magnetometer;
-        sensor.clock_error = self.sensor_clock_percent / 100.0;
+        *sensor = bno055::Config {
+            seed: sensor.seed,
+            errors: sensor.errors,
+            boot_ms: sensor.boot_ms.clone(),
+            reset_hangs: sensor.reset_hangs,
+            clock_error: self.sensor_clock_percent / 100.0,
+            ..self.sensor.clone()
+        };
         let errors = &mut sensor.errors;
         errors.gyro_noise_density *= self.noise;
         errors.acc_noise_density *= self.noise;

@@ -6,7 +6,7 @@ use samd21::board::Ticks;
 use std::ops::RangeInclusive;
 
 /// What is fixed about one sensor and its place on the bus.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     /// Seed of everything random about it.
     pub seed: u64,

@@ -68,64 +68,64 @@ macro_rules! keys {
 
 keys! {
     "address" = "0x28|0x29",
-        Choice(&[("0x28", |h| h.address = 0x28), ("0x29", |h| h.address = 0x29)]);
+        Choice(&[("0x28", |h| h.sensor.address = 0x28), ("0x29", |h| h.sensor.address = 0x29)]);
         "address of the sensor on the bus";
         "BNO055 data sheet, 4.6; on many boards the open pin gives 0x29";
-    "stretch" = "US|MIN..MAX", Hold(|h| &mut h.bus.stretch_us);
+    "stretch" = "US|MIN..MAX", Hold(|h| &mut h.sensor.bus.stretch_us);
         "how long the sensor holds SCL in each byte, us (0 to 20000)";
         "Bosch forum, td-p/7270: about 180 us";
     "stretch-rare" = "US@PROBABILITY", Own(rare, shown_rare);
         "a longer hold of some bytes instead, us (0 to 20000), and their share (0 to 1)";
         "Adafruit_BNO055: \"500us or more\" at times";
-    "stop-read" = "US|MIN..MAX", Hold(|h| &mut h.bus.stop_read_us);
+    "stop-read" = "US|MIN..MAX", Hold(|h| &mut h.sensor.bus.stop_read_us);
         "how long the sensor holds SCL before the STOP after a read, us (0 to 20000)";
         "Atmel's i2c_slave driver releases the line in its interrupt, as between bytes";
-    "stop-write" = "US|MIN..MAX", Hold(|h| &mut h.bus.stop_write_us);
+    "stop-write" = "US|MIN..MAX", Hold(|h| &mut h.sensor.bus.stop_write_us);
         "how long the sensor holds SCL before the STOP after a write, us (0 to 20000)";
         "SAM D20 data sheet, SERCOM I2C slave: it stretches before the acknowledge";
     "clock" = "PERCENT", Number(-5.0, 5.0, |h| &mut h.clock_percent);
         "error of the chip's 48 MHz without USB, % (-5 to 5)";
         "-3.1 on an ItsyBitsy M0 (atsamd-rs issue 549), -2.6 on a Metro M0 (CircuitPython pull \
          request 892)";
-    "clock-drift" = "PPM_PER_S", Own(drift, |h| h.clock_drift_ppm_s.to_string());
+    "clock-drift" = "PPM_PER_S", Own(drift, |h| h.chip.dfll_drift_ppm_s.to_string());
         "growth of that error, ppm/s (-1000 to 1000); a host corrects it while it is there";
         "an estimate: chips warm up";
     "slow-clock" = "RATIO|seed", Own(slow_clock, shown_slow_clock);
         "the watchdog's oscillator, relative to 32768 Hz (0.87 to 1.4), or 0.87 to 1.25 by the \
          seed, as its phase is";
         "SAM D21 data sheet, OSCULP32K: 28.5 to 41 kHz over supply and temperature";
-    "wake" = "US", Time(Ticks::from_us(1), 100, |h| &mut h.wake);
+    "wake" = "US", Time(Ticks::from_us(1), 100, |h| &mut h.chip.wake_up);
         "how long the chip takes to wake from sleep, us (0 to 100)";
         "SAM D21 data sheet, wake-up time from IDLE: about 4 us";
     "host" = "bare|linux|windows|macos",
-        Choice(&[("bare", |h| h.host = System::Bare), ("linux", |h| h.host = System::Linux),
-                  ("windows", |h| h.host = System::Windows), ("macos", |h| h.host = System::MacOs)]);
+        Choice(&[("bare", |h| h.chip.host = System::Bare), ("linux", |h| h.chip.host = System::Linux),
+                  ("windows", |h| h.chip.host = System::Windows), ("macos", |h| h.chip.host = System::MacOs)]);
         "how the computer at the USB cable enumerates the chip and opens its port";
         "Linux, Microsoft's and Apple's drivers, as far as published (samd21::usb_host)";
     "user-row" = "shipped|erased|bootprot",
-        Choice(&[("shipped", |h| h.user_row = UserRow::SHIPPED),
-                  ("erased", |h| h.user_row = UserRow::ERASED),
-                  ("bootprot", |h| h.user_row = UserRow::PROTECTED)]);
+        Choice(&[("shipped", |h| h.chip.user_row = UserRow::SHIPPED),
+                  ("erased", |h| h.chip.user_row = UserRow::ERASED),
+                  ("bootprot", |h| h.chip.user_row = UserRow::PROTECTED)]);
         "the chip's fuses: as shipped, erased (the watchdog is always on), or with the \
          bootloader's 8 KB protected";
         "SAM D21 data sheet, NVM user row; uf2-samdx1 issue 107 for erased ones";
-    "late-registers" = "US", Time(Ticks::from_us(1), 100_000, |h| &mut h.late_registers);
+    "late-registers" = "US", Time(Ticks::from_us(1), 100_000, |h| &mut h.sensor.late_registers);
         "how long a write to the sensor takes to act and to be read back, us (0 to 100000)";
         "Adafruit_BNO055 waits 10 ms after each write; the data sheet asks for 2 us";
-    "lost-within" = "US", Time(Ticks::from_us(1), 100_000, |h| &mut h.lost_within);
+    "lost-within" = "US", Time(Ticks::from_us(1), 100_000, |h| &mut h.sensor.lost_within);
         "a write that follows the one before sooner than this is lost, us (0 to 100000)";
         "Adafruit_CircuitPython_BNO055, issue 91";
     "refresh" = "together|ACC/GYR/MAG", Own(refresh, shown_refresh);
         "refreshes of accelerometer and gyroscope (10 to 200) and magnetometer (1 to 100), Hz, \
          each with a phase of its own, instead of 100 Hz together";
         "nobody has published any for the modes without fusion";
-    "field-age" = "MS", Time(Ticks::from_ms(1), 200, |h| &mut h.magnetometer.age);
+    "field-age" = "MS", Time(Ticks::from_ms(1), 200, |h| &mut h.sensor.magnetometer.age);
         "how old the magnetic field is when it is converted, ms (0 to 200)";
         "estimate: 15 to 50 ms";
     "field" = "ok|dead|stuck",
-        Choice(&[("ok", |h| h.magnetometer.health = MagnetometerHealth::Ok),
-                  ("dead", |h| h.magnetometer.health = MagnetometerHealth::Dead),
-                  ("stuck", |h| h.magnetometer.health = MagnetometerHealth::Stuck)]);
+        Choice(&[("ok", |h| h.sensor.magnetometer.health = MagnetometerHealth::Ok),
+                  ("dead", |h| h.sensor.magnetometer.health = MagnetometerHealth::Dead),
+                  ("stuck", |h| h.sensor.magnetometer.health = MagnetometerHealth::Stuck)]);
         "the magnetic field is right, (0, 0, 0), or the first one for ever";
         "users' reports of a field that stays zero";
     "sensor-clock" = "PCT", Number(0.0, 10.0, |h| &mut h.sensor_clock_percent);
@@ -155,7 +155,7 @@ keys! {
         "how long erasing and writing flash take, relative to the data sheet's longest (0.1 to 3)";
         "SAM D21 data sheet, NVM characteristics: 6 ms a row, 2.5 ms a page at most";
     "watchdog" = "ok|dead",
-        Choice(&[("ok", |h| h.watchdog_works = true), ("dead", |h| h.watchdog_works = false)]);
+        Choice(&[("ok", |h| h.chip.watchdog_bites = true), ("dead", |h| h.chip.watchdog_bites = false)]);
         "whether the watchdog resets the chip";
         "to see that tvc bringup finds one that does not";
     "usb-loss" = "PROBABILITY", Number(0.0, 0.5, |h| &mut h.usb_loss);
@@ -237,12 +237,15 @@ fn range(text: &str) -> Result<RangeInclusive<u64>, String> {
 }
 
 fn drift(hardware: &mut Hardware, text: &str) -> Result<(), String> {
-    put(&mut hardware.clock_drift_ppm_s, number(text, -1000..=1000))
+    put(
+        &mut hardware.chip.dfll_drift_ppm_s,
+        number(text, -1000..=1000),
+    )
 }
 
 fn rare(hardware: &mut Hardware, text: &str) -> Result<(), String> {
     let (us, probability) = text.split_once('@').unwrap_or((text, ""));
-    hardware.bus.stretch_rare = Some(RareStretch {
+    hardware.sensor.bus.stretch_rare = Some(RareStretch {
         us: number(us, LONGEST_HOLD_US)?,
         probability: number(probability, 0.0..=1.0)?,
     });
@@ -250,7 +253,7 @@ fn rare(hardware: &mut Hardware, text: &str) -> Result<(), String> {
 }
 
 fn shown_rare(hardware: &Hardware) -> String {
-    let rare = hardware.bus.stretch_rare;
+    let rare = hardware.sensor.bus.stretch_rare;
     rare.map_or("none".into(), |rare| {
         format!("{}@{}", rare.us, rare.probability)
     })
@@ -279,7 +282,7 @@ fn three(text: &str, limits: [RangeInclusive<f64>; 3]) -> Result<[f64; 3], Strin
 }
 
 fn refresh(hardware: &mut Hardware, text: &str) -> Result<(), String> {
-    hardware.refresh = if text == "together" {
+    hardware.sensor.refresh = if text == "together" {
         None
     } else {
         let [acc_hz, gyr_hz, mag_hz] = three(text, [10.0..=200.0, 10.0..=200.0, 1.0..=100.0])?;
@@ -294,7 +297,7 @@ fn refresh(hardware: &mut Hardware, text: &str) -> Result<(), String> {
 
 fn shown_refresh(hardware: &Hardware) -> String {
     let shown = |rates: RefreshRates| format!("{}/{}/{}", rates.acc_hz, rates.gyr_hz, rates.mag_hz);
-    hardware.refresh.map_or("together".into(), shown)
+    hardware.sensor.refresh.map_or("together".into(), shown)
 }
 
 fn lever(hardware: &mut Hardware, text: &str) -> Result<(), String> {

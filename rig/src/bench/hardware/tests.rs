@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::bench::BenchConfig;
-use crate::bno055::{MagnetometerHealth, RareStretch};
+use crate::bno055::{BusTiming, MagnetometerHealth, RareStretch, RefreshRates};
 
 #[test]
 fn settings_change_what_they_name_and_nothing_else() {
@@ -18,9 +18,13 @@ fn settings_change_what_they_name_and_nothing_else() {
         stop_read_us: 160..=200,
         ..BusTiming::default()
     };
-    let expected = Hardware {
+    let sensor = bno055::Config {
         address: 0x29,
         bus,
+        ..bno055::Config::default()
+    };
+    let expected = Hardware {
+        sensor,
         ..Hardware::default()
     };
     assert_eq!(hardware, expected);

@@ -235,7 +235,7 @@ mod tests {
                 &mut dice,
             );
             assert_eq!(setup.rig.hardware.noise, 2.0, "{}", parts.words);
-            assert_eq!(setup.rig.hardware.bus.stretch_us, 111..=111);
+            assert_eq!(setup.rig.hardware.sensor.bus.stretch_us, 111..=111);
             assert!(
                 setup.rig.bench.disturbances.check().is_ok(),
                 "{}",
