@@ -11,9 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::drone::{Crank, Drone};
 use crate::linkage::Linkage;
-use crate::parameters::{
-    ParameterError, Parameters, by_name, check, finite, named, not_negative, positive,
-};
+use crate::parameters::{ParameterError, Parameters, check, finite, named, not_negative, positive};
 use crate::response::{ResponseError, StepResponse};
 use crate::servo::{Servo, ServoModel};
 
@@ -96,11 +94,6 @@ impl Timing {
         ("NANO_50HZ", Self::NANO_50HZ),
         ("NANO_300HZ", Self::NANO_300HZ),
     ];
-
-    /// A preset by its name, in any case: `ANALOGUE`, `DIGITAL`, `NANO_50HZ`, `NANO_300HZ`.
-    pub fn preset(name: &str) -> Option<Self> {
-        by_name(&Self::PRESETS, name)
-    }
 
     /// Checks that every time is finite and in range.
     ///

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::parameters::{ParameterError, by_name, finite, named, not_negative, positive};
+use crate::parameters::{ParameterError, finite, named, not_negative, positive};
 
 /// Constants of a servo and of how its horn is fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -89,11 +89,6 @@ impl ServoModel {
         ("S3003_5V", Self::S3003_5V),
         ("DIGITAL", Self::DIGITAL),
     ];
-
-    /// A preset by its name, in any case: `S3003`, `S3003_5V`, `DIGITAL`.
-    pub fn preset(name: &str) -> Option<Self> {
-        by_name(&Self::PRESETS, name)
-    }
 
     /// Checks that every constant is finite and in range.
     ///

@@ -60,11 +60,6 @@ impl TwoAxisParameters {
         }
     }
 
-    /// The one-axis preset of this name, in any case, with a second rudder.
-    pub fn preset(name: &str) -> Option<Self> {
-        Parameters::preset(name).map(Self::of)
-    }
-
     /// Checks that every figure is finite and in range, and that a body with such an inertia can
     /// be.
     ///

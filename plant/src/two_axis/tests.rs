@@ -459,11 +459,6 @@ fn impossible_figures_are_named() {
 
 #[test]
 fn parameters_come_from_text_and_go_to_it() {
-    assert_eq!(
-        TwoAxisParameters::preset("phys"),
-        Some(TwoAxisParameters::PHYS)
-    );
-    assert_eq!(TwoAxisParameters::preset("printed"), None);
     for spin in [Spin::Free, Spin::Held, Spin::Moment(0.02)] {
         let parameters = TwoAxisParameters {
             spin,

@@ -93,18 +93,6 @@ impl Hardware {
             .map_err(|why| format!("{name}={}: {}; {why}", key.value, key.what))
     }
 
-    /// The keys, a line each, with their values and defaults.
-    pub fn help() -> String {
-        let default = Self::default();
-        let lines = keys().map(|key| {
-            let Key {
-                name, value, what, ..
-            } = key;
-            format!("{name}={value}: {what} [default: {}]\n", key.show(&default))
-        });
-        lines.collect()
-    }
-
     /// The keys as a table in Markdown, with their defaults and sources.
     pub fn table() -> String {
         let default = Self::default();
