@@ -177,22 +177,13 @@ impl Pd {
         let new = measurement.rate_rad_s;
         let rate = self.rate.map_or(new, |old| new + self.keep * (old - new));
         self.rate = Some(rate);
-        crank_command(
-            &self.linkage,
-            self.zero_rad,
-            self.kp * measurement.pitch_rad + self.kd * rate,
-        )
+        let servo_rad = self.kp * measurement.pitch_rad + self.kd * rate;
+        // The servo radians from zero rudder, through the inverse linkage, within the limit.
+        self.linkage
+            .crank_for_rudder(RUDDER_PER_SERVO * servo_rad)
+            .unwrap_or(self.zero_rad + servo_rad.signum() * std::f64::consts::PI)
+            .clamp(-COMMAND_LIMIT_RAD, COMMAND_LIMIT_RAD)
     }
-}
-
-/// Crank command for a control effort `servo_rad` (servo radians from zero rudder), through the
-/// inverse linkage and within the command limit.
-fn crank_command(linkage: &Linkage, zero_rad: f64, servo_rad: f64) -> f64 {
-    linkage
-        .crank_for_rudder(RUDDER_PER_SERVO * servo_rad)
-        // Beyond the dead point the rudder can do no more: the limit, on the side asked for.
-        .unwrap_or(zero_rad + servo_rad.signum() * std::f64::consts::PI)
-        .clamp(-COMMAND_LIMIT_RAD, COMMAND_LIMIT_RAD)
 }
 
 /// One sample of a run.

@@ -106,12 +106,6 @@ impl TwoAxisDrone {
         Ok(drone)
     }
 
-    /// Moves the tether's stops to a tilt of `stop_rad` to any side; infinite takes them away.
-    pub fn with_tether_stop(mut self, stop_rad: f64) -> Self {
-        self.stop_rad = stop_rad;
-        self
-    }
-
     /// Clamps the drone in an attitude: it stays there until it is released.
     pub fn clamp(&mut self, attitude: UnitQuaternion<f64>) {
         self.attitude = attitude;

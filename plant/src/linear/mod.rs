@@ -47,6 +47,20 @@ pub struct Equilibrium {
     pub torque_n_m: f64,
 }
 
+impl Equilibrium {
+    fn at(mechanism: &Mechanism, pitch_rad: f64, crank_rad: f64) -> Self {
+        let at = mechanism.configuration(crank_rad);
+        Self {
+            state: State {
+                pitch_rad,
+                crank_rad,
+                ..State::default()
+            },
+            torque_n_m: -mechanism.crank_load(&at, pitch_rad, 0.0),
+        }
+    }
+}
+
 /// Rank of a test matrix and what it was decided on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rank {
@@ -68,16 +82,7 @@ pub fn equilibrium(mechanism: &Mechanism, pitch_rad: f64) -> Option<Equilibrium>
     };
     // The moment falls as the rudder turns from one dead point to the other.
     let crank_rad = root::between(load, low, high, 1e-15)?;
-    let state = State {
-        pitch_rad,
-        crank_rad,
-        ..State::default()
-    };
-    let at = mechanism.configuration(state.crank_rad);
-    Some(Equilibrium {
-        state,
-        torque_n_m: -mechanism.crank_load(&at, pitch_rad, 0.0),
-    })
+    Some(Equilibrium::at(mechanism, pitch_rad, crank_rad))
 }
 
 /// The equilibrium at a crank angle (rad): the pitch at which the drone's weight balances the
@@ -98,14 +103,7 @@ pub fn equilibrium_at_crank(mechanism: &Mechanism, crank_rad: f64) -> Option<Equ
         .map(|angle| angle - (angle / TAU).round() * TAU)
         .into_iter()
         .min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
-    Some(Equilibrium {
-        state: State {
-            pitch_rad,
-            crank_rad,
-            ..State::default()
-        },
-        torque_n_m: -mechanism.crank_load(&at, pitch_rad, 0.0),
-    })
+    Some(Equilibrium::at(mechanism, pitch_rad, crank_rad))
 }
 
 /// The linear model at a point, which need not be an equilibrium.

@@ -12,6 +12,12 @@ use crate::drone::Drone;
 const STEP_S: f64 = 5e-4;
 
 impl TwoAxisDrone {
+    /// Moves the tether's stops to a tilt of `stop_rad` to any side; infinite takes them away.
+    fn with_tether_stop(mut self, stop_rad: f64) -> Self {
+        self.stop_rad = stop_rad;
+        self
+    }
+
     /// Places the cranks without moving the drone, as when the servos are fitted at the start.
     fn place_cranks(&mut self, angles_rad: [f64; 2]) {
         let rates = self.rates_rad_s();

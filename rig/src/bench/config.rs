@@ -11,7 +11,7 @@ use super::{EarthField, TimedFault, Wiring};
 use crate::bno055;
 
 /// What a drone that hangs in a joint and has two rudders has besides.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TwoAxes {
     /// Roll at which the clamp holds the drone at power-on, rad.
     pub start_roll_rad: f64,
@@ -23,19 +23,6 @@ pub struct TwoAxes {
     pub lateral_cm_m: f64,
     /// Momentum of propellers that do not cancel, kg m2/s.
     pub rotor_momentum_kg_m2_s: f64,
-}
-
-impl Default for TwoAxes {
-    /// Upright, without spin, and free to take one up.
-    fn default() -> Self {
-        Self {
-            start_roll_rad: 0.0,
-            spin_rad_s: 0.0,
-            spin: Spin::Free,
-            lateral_cm_m: 0.0,
-            rotor_momentum_kg_m2_s: 0.0,
-        }
-    }
 }
 
 /// What stands on the bench.

@@ -207,24 +207,15 @@ impl<const N: usize> Counter<N> {
         !oneshot
     }
 
-    /// The ramp up ends at `top`, or at the counter's own end `max` if COUNT is beyond `top`.
-    pub(crate) fn set_top(&mut self, now: Ticks, top: u32, max: u32) {
+    /// Finds the end of the ramp, which is at `top` on the way up, or at the counter's own end `max`
+    /// if COUNT is beyond `top`; and the matches with `cc` that are still to come on it.
+    pub(crate) fn schedule(&mut self, now: Ticks, top: u32, max: u32, cc: &[u32]) {
         if let Some(run) = &mut self.run {
             run.set_top(now, top, max, self.two_slopes);
             self.next_overflow = run.end();
         }
-    }
-
-    /// Finds the match with `cc` that is still to come on this ramp, if there is one.
-    pub(crate) fn set_match(&mut self, now: Ticks, channel: usize, cc: u32) {
-        self.next_match[channel] = self.run.map_or(Ticks::NEVER, |run| run.next_match(now, cc));
-    }
-
-    /// Finds the end of the ramp and the matches with `cc`.
-    pub(crate) fn schedule(&mut self, now: Ticks, top: u32, max: u32, cc: &[u32]) {
-        self.set_top(now, top, max);
-        for (channel, &cc) in cc.iter().enumerate() {
-            self.set_match(now, channel, cc);
+        for (next, &cc) in self.next_match.iter_mut().zip(cc) {
+            *next = self.run.map_or(Ticks::NEVER, |run| run.next_match(now, cc));
         }
     }
 }

@@ -11,15 +11,10 @@ pub(crate) struct Interrupts<const FLAGS: u32> {
     line: u32,
     /// INTFLAG.
     pub(super) flags: u32,
-    enabled: u32,
+    pub(super) enabled: u32,
 }
 
 impl<const FLAGS: u32> Interrupts<FLAGS> {
-    /// Whether one of these may interrupt the processor.
-    pub(super) fn is_enabled(&self, flags: u32) -> bool {
-        self.enabled & flags != 0
-    }
-
     pub(super) fn of(block: Block) -> Self {
         Self {
             line: entry(block).irq,
@@ -40,11 +35,6 @@ impl<const FLAGS: u32> Interrupts<FLAGS> {
     /// The NVIC's line if it is `requested`, else 0.
     pub(super) fn irq_if(&self, requested: bool) -> u32 {
         if requested { self.line } else { 0 }
-    }
-
-    /// What INTENCLR and INTENSET read.
-    pub(super) fn enabled(&self) -> u32 {
-        self.enabled
     }
 
     /// Bits of the enables flip; `false` if none of them exists.

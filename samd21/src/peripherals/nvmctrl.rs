@@ -115,7 +115,7 @@ impl Nvmctrl {
     }
 
     pub(crate) fn irq(&self, now: Ticks) -> u32 {
-        let requested = self.flags(now) & self.interrupts.enabled() != 0;
+        let requested = self.flags(now) & self.interrupts.enabled != 0;
         self.interrupts.irq_if(requested)
     }
 
@@ -138,7 +138,7 @@ impl Nvmctrl {
             0x00 => 0,
             0x04 => self.ctrlb,
             0x08 => (3 << 16) | (FLASH_SIZE / PAGE),
-            0x0C | 0x10 => self.interrupts.enabled(),
+            0x0C | 0x10 => self.interrupts.enabled,
             0x14 => self.flags(now),
             0x18 => u32::from(self.status),
             0x1C => self.address,

@@ -58,31 +58,35 @@ impl Pm {
         self.apb_masks[bridge as usize] >> index & 1 != 0
     }
 
+    /// The registers that keep what they are given: where, and what can be written to them.
+    fn stored(&mut self, offset: u32) -> Option<(&mut u32, u32)> {
+        Some(match offset {
+            0x08 => (&mut self.select, 0x0707_0707),
+            0x14 => (&mut self.ahb_mask, 0x7F),
+            0x18 => (&mut self.apb_masks[0], 0x7F),
+            0x1C => (&mut self.apb_masks[1], 0x7F),
+            0x20 => (&mut self.apb_masks[2], 0x001F_FFFF),
+            _ => return None,
+        })
+    }
+
     /// A bit of a register flips: see [`upset`](crate::upset).
     pub(crate) fn flip(&mut self, offset: u32, bit: u32) -> bool {
-        let mask = 1 << bit;
-        match offset {
-            0x08 if bit < 3 => self.select ^= mask,
-            0x14 if bit < 7 => self.ahb_mask ^= mask,
-            0x18 => self.apb_masks[0] ^= mask,
-            0x1C => self.apb_masks[1] ^= mask,
-            0x20 => self.apb_masks[2] ^= mask,
-            _ => return false,
+        let bits = [(0x08, 3), (0x14, 7)];
+        let exists = bits.iter().all(|(at, bits)| offset != *at || bit < *bits);
+        match self.stored(offset).filter(|_| exists) {
+            Some((register, _)) => *register ^= 1 << bit,
+            None => return false,
         }
         true
     }
 
-    pub(crate) fn read(&self, offset: u32) -> Read {
+    pub(crate) fn read(&mut self, offset: u32) -> Read {
         Ok(match offset {
             0x00 => u32::from(self.sleep) << 8,
-            0x08 => self.select,
-            0x14 => self.ahb_mask,
-            0x18 => self.apb_masks[0],
-            0x1C => self.apb_masks[1],
-            0x20 => self.apb_masks[2],
             0x34 => self.interrupts.read_bytes(),
             0x38 => u32::from(self.cause as u8),
-            _ => return Err(RESERVED),
+            _ => *self.stored(offset).ok_or(RESERVED)?.0,
         })
     }
 
@@ -93,18 +97,16 @@ impl Pm {
                     self.sleep = sleep & 3;
                 }
             }
-            0x08 => self.select = lanes.merge(self.select) & 0x0707_0707,
-            0x14 => self.ahb_mask = lanes.merge(self.ahb_mask) & 0x7F,
-            0x18 => self.apb_masks[0] = lanes.merge(self.apb_masks[0]) & 0x7F,
-            0x1C => self.apb_masks[1] = lanes.merge(self.apb_masks[1]) & 0x7F,
-            0x20 => self.apb_masks[2] = lanes.merge(self.apb_masks[2]) & 0x001F_FFFF,
             0x34 => {
                 self.interrupts.write_bytes(lanes);
                 // Every clock is ready at once, always.
                 self.interrupts.flags = CKRDY;
             }
             0x38 => {}
-            _ => return Err(RESERVED),
+            _ => {
+                let (register, bits) = self.stored(offset).ok_or(RESERVED)?;
+                *register = lanes.merge(*register) & bits;
+            }
         }
         DONE
     }

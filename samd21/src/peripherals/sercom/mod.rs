@@ -133,7 +133,7 @@ impl Sercom {
             0x00 => self.ctrla | u32::from(self.sync.is_busy(now, busy::SWRST)),
             0x04 => self.ctrlb,
             0x0C => self.baud,
-            0x14 => self.interrupts.enabled() * 0x0001_0001,
+            0x14 => self.interrupts.enabled * 0x0001_0001,
             0x18 => {
                 self.observe(now, board);
                 let hold = if self.held.is_some() { CLKHOLD } else { 0 };

@@ -110,7 +110,7 @@ impl Endpoint {
         match offset {
             0x00 => Ok(u32::from(self.config)),
             0x04 => Ok(u32::from(self.status) << 16 | self.interrupts.flags << 24),
-            0x08 => Ok(self.interrupts.enabled() * 0x0101),
+            0x08 => Ok(self.interrupts.enabled * 0x0101),
             _ => Err(RESERVED),
         }
     }
@@ -193,7 +193,7 @@ impl Usb {
     /// Whether a token that is answered with NAK interrupts the processor.
     pub(crate) fn interrupts_at_nak(&self, number: u8) -> bool {
         let interrupts = &self.endpoints[usize::from(number)].interrupts;
-        interrupts.is_enabled(TRFAIL0 | TRFAIL1)
+        interrupts.enabled & (TRFAIL0 | TRFAIL1) != 0
     }
 
     /// A token that was answered with NAK.

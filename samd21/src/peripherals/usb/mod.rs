@@ -78,6 +78,11 @@ pub(crate) struct Usb {
     last_activity: Ticks,
 }
 
+/// The endpoint that has a register.
+fn index(offset: u32) -> usize {
+    ((offset - 0x100) / 0x20) as usize
+}
+
 impl Usb {
     pub(crate) fn new(hold: SyncHold) -> Self {
         Self {
@@ -163,10 +168,7 @@ impl Usb {
             0x08 if (16..24).contains(&bit) => self.address ^= (mask >> 16) as u8,
             0x18 => return self.interrupts.flip(mask),
             0x24 => self.descriptors ^= mask & !3,
-            0x100..0x200 => {
-                let endpoint = &mut self.endpoints[((offset - 0x100) / 0x20) as usize];
-                return endpoint.flip(offset % 0x20, bit);
-            }
+            0x100..0x200 => return self.endpoints[index(offset)].flip(offset % 0x20, bit),
             _ => return false,
         }
         true
@@ -193,10 +195,7 @@ impl Usb {
             0x20 => u32::from(self.summary()),
             0x24 => self.descriptors,
             0x28 => u32::from(self.padcal),
-            0x100..0x200 => {
-                let endpoint = &self.endpoints[((offset - 0x100) / 0x20) as usize];
-                return endpoint.read(offset % 0x20);
-            }
+            0x100..0x200 => return self.endpoints[index(offset)].read(offset % 0x20),
             _ => return Err(RESERVED),
         })
     }
@@ -231,10 +230,7 @@ impl Usb {
             0x14 | 0x18 | 0x1C => self.interrupts.write_words(offset - 0x14, lanes),
             0x24 => self.descriptors = lanes.merge(self.descriptors),
             0x28 => self.padcal = lanes.merge(u32::from(self.padcal)) as u16,
-            0x100..0x200 => {
-                let endpoint = &mut self.endpoints[((offset - 0x100) / 0x20) as usize];
-                return endpoint.write(offset % 0x20, lanes);
-            }
+            0x100..0x200 => return self.endpoints[index(offset)].write(offset % 0x20, lanes),
             _ => return Err(RESERVED),
         }
         DONE
