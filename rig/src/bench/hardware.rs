@@ -15,8 +15,6 @@ use crate::random::{Stream, generator};
 use rand::Rng;
 use samd21::Options;
 use samd21::board::Ticks;
-use samd21::peripherals::UserRow;
-use samd21::usb_host::System;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 

@@ -3,6 +3,8 @@
 use super::*;
 use crate::bench::BenchConfig;
 use crate::bno055::{BusTiming, MagnetometerHealth, RareStretch, RefreshRates};
+use samd21::peripherals::UserRow;
+use samd21::usb_host::System;
 
 #[test]
 fn settings_change_what_they_name_and_nothing_else() {

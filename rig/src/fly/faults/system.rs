@@ -319,11 +319,9 @@ impl SystemFault {
     pub(super) fn act(&self, millisecond: u64, rig: &mut Rig, dice: &mut impl Rng) {
         for kind in &self.kinds {
             match kind {
-                SystemKind::UsbFlood => {
-                    if rig.usb_host().unsent() < 4096 {
-                        let noise: [u8; 512] = std::array::from_fn(|_| dice.random());
-                        rig.usb_write(&noise);
-                    }
+                SystemKind::UsbFlood if rig.usb_host().unsent() < 4096 => {
+                    let noise: [u8; 512] = std::array::from_fn(|_| dice.random());
+                    rig.usb_write(&noise);
                 }
                 SystemKind::UsbStall => rig.usb_host_mut().pause_reading(true),
                 SystemKind::UsbReplug => match millisecond % 40 {
