@@ -104,7 +104,7 @@ impl Bno055 {
     /// the bus at this moment too.
     pub fn glitch(&mut self, now: Ticks) -> bool {
         let mut glitch = false;
-        for fault in self.faults.iter() {
+        for fault in &self.faults.0 {
             match *fault {
                 Fault::BusErrors { probability } => {
                     glitch |= self.bus_noise.random_bool(probability);
@@ -137,7 +137,7 @@ impl Bno055 {
             self.power = Power::Hung;
         }
         let mut done = false;
-        for fault in self.faults.iter_mut() {
+        for fault in &mut self.faults.0 {
             if let Fault::SdaHeld { clocks } = fault {
                 *clocks = clocks.saturating_sub(1);
                 done = *clocks == 0;
@@ -181,7 +181,7 @@ impl Bno055 {
             Some(rare) if self.bus_noise.random_bool(rare.probability) => Ticks::from_us(rare.us),
             _ => self.draw_us(self.config.bus.stretch_us.clone()),
         };
-        for fault in self.faults.iter() {
+        for fault in &self.faults.0 {
             if let Fault::LongStretch {
                 stretch: long,
                 probability,
@@ -262,7 +262,7 @@ impl Bno055 {
 
     /// A data word after [`Fault::CorruptWords`] and [`Fault::Spikes`].
     fn disturb(&mut self, mut word: i16) -> i16 {
-        for fault in self.faults.iter() {
+        for fault in &self.faults.0 {
             match *fault {
                 Fault::CorruptWords { probability } if self.bus_noise.random_bool(probability) => {
                     word = -1;

@@ -28,7 +28,7 @@ impl Fault {
 
 /// The faults that are on.
 #[derive(Clone, Debug, Default)]
-pub struct Faults(Vec<Fault>);
+pub struct Faults(pub(super) Vec<Fault>);
 
 impl Faults {
     /// Switches a fault on; one of its kind that was on ends.
@@ -53,16 +53,6 @@ impl Faults {
     /// True if a fault of the kind of `fault` is on.
     pub fn has(&self, fault: Fault) -> bool {
         self.get(fault).is_some()
-    }
-
-    /// The faults that are on.
-    pub fn iter(&self) -> impl Iterator<Item = &Fault> {
-        self.0.iter()
-    }
-
-    /// The faults that are on, to change their parameters.
-    pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Fault> {
-        self.0.iter_mut()
     }
 }
 

@@ -234,7 +234,7 @@ impl Bno055 {
 
     /// The faults that are on.
     pub fn faults(&self) -> impl Iterator<Item = &Fault> {
-        self.faults.iter()
+        self.faults.0.iter()
     }
 
     /// Replaces how long it holds the clock line.

@@ -24,7 +24,7 @@ pub(crate) struct Registers {
 }
 
 /// A transaction under way.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Transaction {
     acknowledged: Ticks,
     /// Clock stretching of the address byte.
@@ -63,15 +63,10 @@ impl LogicAnalyzer {
     ) {
         match (event, &mut self.transaction) {
             (I2cEvent::Start { read: false, .. }, _) => {
-                self.transaction = reply.ack.then_some(Transaction {
+                self.transaction = reply.ack.then(|| Transaction {
                     acknowledged: now,
                     stretch: reply.stretch,
-                    start: None,
-                    refresh: None,
-                    bytes: [0; FULL],
-                    faultless: [0; FULL / 2],
-                    count: 0,
-                    skipped: 0,
+                    ..Transaction::default()
                 });
             }
             (I2cEvent::Write(pointer), Some(t)) => {

@@ -114,7 +114,10 @@ impl Host {
                 Some(&size @ (8 | 16 | 32 | 64)) => {
                     self.enumeration.control_packet = size;
                     if request == Request::DeviceFirst {
-                        self.begin_second_reset(now);
+                        // The host resets the device again before it addresses it.
+                        self.session = Session::default();
+                        self.phase = Phase::SecondReset;
+                        self.due = now + RESET;
                     } else {
                         self.session.requests.push_back(Request::SetAddress);
                     }
@@ -222,13 +225,6 @@ impl Host {
             ]),
             System::Windows => self.ask_lines(&[Request::ReadLineCoding, coding, lines]),
         }
-    }
-
-    /// Resets the bus again now that the size of endpoint 0 is known.
-    fn begin_second_reset(&mut self, now: Ticks) {
-        self.session = Session::default();
-        self.phase = Phase::SecondReset;
-        self.due = now + RESET;
     }
 
     fn text(&mut self, text: Text) -> &mut String {

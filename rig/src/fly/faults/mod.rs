@@ -153,13 +153,8 @@ impl Kind {
 
     /// Its place among all.
     fn index(self) -> u64 {
-        match self {
-            Self::Sensor(kind) => kind as u64,
-            Self::System(kind) => FaultKind::ALL.len() as u64 + kind as u64,
-            Self::Sound(kind) => {
-                (FaultKind::ALL.len() + SystemKind::ALL.len()) as u64 + kind as u64
-            }
-        }
+        let all = Self::all().into_iter();
+        all.take_while(|kind| *kind != self).count() as u64
     }
 }
 

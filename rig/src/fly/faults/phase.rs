@@ -71,6 +71,9 @@ impl Phase {
         tilt_rad: [f64; Axis::COUNT],
     ) -> Result<Range<Ticks>, FlightError> {
         ready.rest_at(tilt_rad)?;
+        if matches!(self, Self::Armed | Self::Flight | Self::Failsafe) {
+            ready.arm(Stage::Tilt, ARM_PATIENCE, &mut |_| {})?;
+        }
         match self {
             Self::Start => {
                 ready.station.order(&mut ready.rig, request::SAVE)?;
@@ -87,7 +90,7 @@ impl Phase {
                 })?;
                 Ok(WATCHED_FROM..rig.now() - begun)
             }
-            Self::Standby => Ok(AT_REST),
+            Self::Standby | Self::Armed => Ok(AT_REST),
             Self::Saving => {
                 let Ready { rig, station, .. } = ready;
                 station.set_parameter(rig, "PID_KP", 0.25)?;
@@ -98,19 +101,13 @@ impl Phase {
                 ready.station.request_save(&mut ready.rig);
                 Ok(Ticks::ZERO..took)
             }
-            Self::Armed => {
-                ready.arm(Stage::Tilt, ARM_PATIENCE, &mut |_| {})?;
-                Ok(AT_REST)
-            }
             Self::Flight => {
-                ready.arm(Stage::Tilt, ARM_PATIENCE, &mut |_| {})?;
                 let Ready { rig, station, .. } = ready;
                 station.release(rig, START_RATE_RAD_S)?;
                 station.begin_measurement();
                 Ok(IN_FLIGHT)
             }
             Self::Failsafe => {
-                ready.arm(Stage::Tilt, ARM_PATIENCE, &mut |_| {})?;
                 let Ready { rig, station, .. } = ready;
                 station.release(rig, START_RATE_RAD_S)?;
                 station.run(rig, IN_FLIGHT.start)?;
