@@ -37,8 +37,7 @@ impl Rig {
 
     /// Overwrites the lowest word of the stack's RAM.
     fn overflow_stack(&mut self) -> Option<u32> {
-        let mut symbols = self.image.symbols();
-        let (_, end) = symbols.find(|(name, _)| *name == "_stack_end")?;
+        let end = self.image.symbol("_stack_end")?;
         let place = end.checked_sub(RAM)? as usize;
         self.chip.ram_mut().get_mut(place..place + 4)?.fill(0);
         Some(self.chip.registers().r[15])

@@ -4,7 +4,7 @@
 //! change what interrupts the core. That one is left to `execute`, untouched but for the fetch of
 //! its half-word, which hits the flash's cache when it is fetched again.
 
-use std::ops::Deref;
+use std::borrow::Borrow;
 
 use super::access::{Ram, block, read, word, write};
 use super::decode::{Code, Instruction, Operation};
@@ -21,7 +21,7 @@ trait Source {
     /// The flash's cache takes part in a fetch.
     const CACHED: bool;
     /// An instruction, by reference where it is stored.
-    type Item<'a>: Deref<Target = Instruction>;
+    type Item<'a>: Borrow<Instruction>;
     /// The instruction at `pc`, if this is where it comes from.
     fn at<'a>(code: &'a Code, ram: &Ram, pc: u32) -> Option<Self::Item<'a>>;
 }
@@ -43,26 +43,16 @@ impl Source for FromFlash {
 /// SRAM, decoded each time: its contents change.
 struct FromRam;
 
-struct Decoded(Instruction);
-
-impl Deref for Decoded {
-    type Target = Instruction;
-
-    fn deref(&self) -> &Instruction {
-        &self.0
-    }
-}
-
 impl Source for FromRam {
     const CACHED: bool = false;
 
-    type Item<'a> = Decoded;
+    type Item<'a> = Instruction;
 
-    fn at(_: &Code, ram: &Ram, pc: u32) -> Option<Decoded> {
+    fn at(_: &Code, ram: &Ram, pc: u32) -> Option<Instruction> {
         let at = pc.wrapping_sub(RAM_BASE);
         let op = read::<2, _>(ram, at)?;
         let second = read::<2, _>(ram, at.wrapping_add(2)).unwrap_or(0);
-        Some(Decoded(Instruction::decode(pc, op as u16, second as u16)))
+        Some(Instruction::decode(pc, op as u16, second as u16))
     }
 }
 
@@ -212,10 +202,11 @@ impl Core {
             if clock < 1 << 32 {
                 break false;
             }
-            let Some(i) = S::at(code, ram, pc) else {
+            let Some(instruction) = S::at(code, ram, pc) else {
                 // Perhaps another burst can execute it.
                 break clock as u32 == 0;
             };
+            let i: &Instruction = instruction.borrow();
             if S::CACHED && pc / 8 != line {
                 misses!(pc);
                 line = pc / 8;

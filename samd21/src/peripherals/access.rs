@@ -97,6 +97,13 @@ impl Lanes {
         (self.mask >> (8 * index) & 0xFF != 0).then_some((self.value >> (8 * index)) as u8)
     }
 
+    /// Writes the driven bytes, as far as their bits exist, to the first four of `bytes`.
+    pub(crate) fn store(self, bytes: &mut [u8], existing: u8) {
+        for (index, byte) in (0..4).zip(bytes) {
+            *byte = self.byte(index).map_or(*byte, |value| value & existing);
+        }
+    }
+
     /// The low (0) or high (1) half of the word if any of it is written; a byte not written reads
     /// as in `old`.
     pub(crate) fn half(self, index: u32, old: u16) -> Option<u16> {

@@ -249,19 +249,11 @@ impl Port {
                 return self.reroute(bus, index, pins);
             }
             at @ 0x30..=0x3C => {
-                for byte in 0..4 {
-                    if let Some(value) = lanes.byte(byte) {
-                        group.pmux[(at - 0x30 + byte) as usize] = value;
-                    }
-                }
+                lanes.store(&mut group.pmux[(at - 0x30) as usize..], 0xFF);
                 return self.reroute(bus, index, 0xFF << ((at - 0x30) * 2));
             }
             at @ 0x40..=0x5C => {
-                for byte in 0..4 {
-                    if let Some(value) = lanes.byte(byte) {
-                        group.pincfg[(at - 0x40 + byte) as usize] = value & 0x47;
-                    }
-                }
+                lanes.store(&mut group.pincfg[(at - 0x40) as usize..], 0x47);
                 return self.reroute(bus, index, 0xF << (at - 0x40));
             }
             _ => return Err(RESERVED),
