@@ -12,11 +12,11 @@ use crate::random::{Stream, generator};
 use plant::ParameterError;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
+use samd21::Chip;
 use samd21::board::Ticks;
 use samd21::chip::{Counters, Stop};
 use samd21::peripherals::ResetCause;
 use samd21::usb_host::Host;
-use samd21::{Chip, Options, SyncHold};
 use std::sync::Arc;
 use thiserror::Error;
 use tvc_nano::{Params, store};
@@ -44,10 +44,6 @@ pub struct RigConfig {
     pub bench: BenchConfig,
     /// What the parts are like where real ones differ.
     pub hardware: Hardware,
-    /// Flash wait states.
-    pub wait_states: Option<u8>,
-    /// How long registers stay busy synchronising.
-    pub syncbusy_hold: SyncHold,
     /// Parameters stored in the image's flash before; none on a new Nano.
     pub stored: Option<Params>,
 }
@@ -58,8 +54,6 @@ impl Default for RigConfig {
             seed: 1,
             bench: BenchConfig::default(),
             hardware: Hardware::default(),
-            wait_states: None,
-            syncbusy_hold: SyncHold::Instant,
             stored: None,
         }
     }
@@ -129,11 +123,7 @@ impl Rig {
         let mut bench = config.bench.clone();
         bench.sensor.seed = config.seed;
         config.hardware.fit(&mut bench);
-        let mut chip = Chip::new(Options {
-            wait_states: config.wait_states,
-            syncbusy_hold: config.syncbusy_hold,
-            ..config.hardware.chip(config.seed)
-        });
+        let mut chip = Chip::new(config.hardware.chip(config.seed));
         chip.load_flash(image.address(), image.bytes());
         if let Some(params) = &config.stored {
             chip.load_flash(store::STORE_ADDRESS, &store::first_slot(params));

@@ -155,7 +155,7 @@ fn flies_with_the_slow_bus_of_a_long_cable() {
 #[test]
 fn flies_with_synchronisation_held() {
     let mut setup = Setup::with_polarity(ServoKind::S3003, 2);
-    setup.rig.syncbusy_hold = SyncHold::For(Ticks::from_us(10));
+    setup.rig.hardware.chip.syncbusy_hold = SyncHold::For(Ticks::from_us(10));
     let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     let flight = ready.fly(0.4, 0.2, 3.0, &mut |_| {}).unwrap();
     assert!(
@@ -174,7 +174,7 @@ fn wait_states_cost_cycles_and_change_nothing_else() {
     let mut cycles = Vec::new();
     for states in [0, 1] {
         let mut setup = Setup::with_polarity(ServoKind::S3003, 1);
-        setup.rig.wait_states = Some(states);
+        setup.rig.hardware.chip.wait_states = Some(states);
         let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
         let flight = ready.fly(0.4, 0.2, 2.0, &mut |_| {}).unwrap();
         assert!(flight.cpu_load < 0.6, "{}", flight.cpu_load);

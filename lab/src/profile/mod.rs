@@ -128,9 +128,7 @@ pub fn run(options: &Profile) -> Result<Verdict> {
 
 fn measure(options: &Profile, image: &Image) -> Result<Window> {
     let mut setup = Setup::with_polarity(options.servo, options.seed);
-    if let Some(states) = options.wait_states {
-        setup.rig.wait_states = Some(states);
-    }
+    setup.rig.hardware.chip.wait_states = options.wait_states;
     if let Some(after) = options.after {
         let mut rig = Rig::new(image, &setup.rig)?;
         let end = after + options.seconds;

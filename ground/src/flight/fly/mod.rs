@@ -114,7 +114,7 @@ impl Flying<'_> {
     /// With so many wait states of the flash.
     fn with_wait_states(&self, states: u8) -> Setup {
         let mut setup = self.setup.clone();
-        setup.rig.wait_states = Some(states);
+        setup.rig.hardware.chip.wait_states = Some(states);
         setup
     }
 
