@@ -38,8 +38,8 @@ pub struct Hardware {
     /// Frequency of the chip's slow oscillator, which the watchdog runs on, relative to 32,768 Hz;
     /// drawn from the rig's seed if it is not given.
     pub slow_clock: Option<f64>,
-    /// The chip: its wait states, its synchronisation, its wake-up time, its user row, its watchdog,
-    /// the growth of its clock's error, and the host at the other end of its cable.
+    /// The chip: its wait states, its synchronisation, its wake-up time, its user row, its
+    /// watchdog, the growth of its clock's error, and the host at the other end of its cable.
     pub chip: Options,
     /// A jumper leads the servo's signal from D3 to D2.
     pub jumper: bool,

@@ -207,8 +207,8 @@ impl<const N: usize> Counter<N> {
         !oneshot
     }
 
-    /// Finds the end of the ramp, which is at `top` on the way up, or at the counter's own end `max`
-    /// if COUNT is beyond `top`; and the matches with `cc` that are still to come on it.
+    /// Finds the end of the ramp, which is at `top` on the way up, or at the counter's own end
+    /// `max` if COUNT is beyond `top`; and the matches with `cc` that are still to come on it.
     pub(crate) fn schedule(&mut self, now: Ticks, top: u32, max: u32, cc: &[u32]) {
         if let Some(run) = &mut self.run {
             run.set_top(now, top, max, self.two_slopes);
