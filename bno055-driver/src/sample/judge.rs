@@ -101,8 +101,8 @@ impl Inspector {
         self.good.is_some()
     }
 
-    /// The sample in a burst, or the fault of the first rule that the burst breaks. `behind_failure`
-    /// says that the transfer before it failed on the bus.
+    /// The sample in a burst, or the fault of the first rule that the burst breaks.
+    /// `behind_failure` says that the transfer before it failed on the bus.
     pub(crate) fn judge(
         &mut self,
         config: &Config,

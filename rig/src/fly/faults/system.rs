@@ -298,8 +298,12 @@ impl SystemFault {
                     let kind = SystemKind::ALL[dice.random_range(0..others)];
                     resets += u32::from(kind.resets());
                     // A host that gives orders is a kind of its own: what it leads to is no fault.
-                    // Two resets at once are a double tap, which asks for the bootloader.
-                    if !kind.commands() && (resets <= 1 || !kind.resets()) {
+                    // Two resets at once are a double tap, which asks for the bootloader. The
+                    // watchdog alone ends a hang with interrupts held off.
+                    let unguarded = [SystemKind::HangMasked, SystemKind::WatchdogRegister];
+                    let is_unguarded = unguarded.contains(&kind)
+                        && unguarded.iter().any(|other| self.kinds.contains(other));
+                    if !kind.commands() && !is_unguarded && (resets <= 1 || !kind.resets()) {
                         self.add(kind, ready, dice)?;
                     }
                 }
