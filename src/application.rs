@@ -196,8 +196,7 @@ impl<'a, S: Imu> Application<'a, S> {
         let reading = self.take(now, event, board);
         if event != Event::Nothing {
             self.arm(event, board);
-            // Before the step and in its midst, so that what the sensor is asked between two bursts
-            // goes over the wire meanwhile.
+            // A request to the sensor goes over the wire while the step is taken.
             self.ask_sensor(now, board);
         }
         if let Some(reading) = reading {
@@ -211,9 +210,8 @@ impl<'a, S: Imu> Application<'a, S> {
             self.exchange(now, may_obey, board);
         }
         self.guard.close(self.flight, board);
-        let is_waiting = self.ask_sensor(now, board);
         // A transfer that is missing may be one to give up. A save waits for the bus to be free.
-        let is_calm = !is_waiting
+        let is_calm = !self.ask_sensor(now, board)
             && self.sensor.is_sampling()
             && event != Event::Missed
             && !self.telemetry.has_storage_order();
