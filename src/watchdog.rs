@@ -11,7 +11,7 @@ const FEED_PERIOD_US: u64 = 6_000;
 pub struct Work {
     tick: bool,
     step: bool,
-    pulse: bool,
+    frame: bool,
     fed: Micros,
 }
 
@@ -21,7 +21,7 @@ impl Work {
         Self {
             tick: false,
             step: false,
-            pulse: false,
+            frame: false,
             fed: now,
         }
     }
@@ -36,16 +36,15 @@ impl Work {
         self.step |= taken;
     }
 
-    /// `sent` says whether the servo timer has nothing left in its buffer. That counts once a step
-    /// has filled it.
-    pub fn pulse_sent(&mut self, sent: bool) {
-        self.pulse |= sent && self.step;
+    /// `begun` says whether the servo timer has begun a frame since the last feed: it sends pulses.
+    pub fn frame_begun(&mut self, begun: bool) {
+        self.frame |= begun;
     }
 
-    /// Whether the loop has ticked, stepped and had a pulse go out since the last feed, which is
-    /// long enough ago.
+    /// Whether the loop has ticked and stepped, and the timer has begun a frame, since the last
+    /// feed, which is long enough ago.
     pub fn is_done(&self, now: Micros) -> bool {
-        self.tick && self.step && self.pulse && now.since(self.fed) >= FEED_PERIOD_US
+        self.tick && self.step && self.frame && now.since(self.fed) >= FEED_PERIOD_US
     }
 
     /// The watchdog has been fed: all work is to be done again.
@@ -68,29 +67,18 @@ mod tests {
                 work.tick_seen();
             }
             work.step_done(left_out != 1);
-            work.pulse_sent(left_out != 2);
+            work.frame_begun(left_out != 2);
             assert!(!work.is_done(LATER), "{left_out}");
         }
         let mut work = Work::new(Micros(0));
         work.tick_seen();
         work.step_done(true);
-        work.pulse_sent(true);
+        work.frame_begun(true);
         assert!(work.is_done(LATER) && !work.is_done(Micros(FEED_PERIOD_US - 1)));
         work.fed(LATER);
         assert!(
             !work.is_done(Micros(10 * FEED_PERIOD_US)),
             "it begins again"
         );
-    }
-
-    #[test]
-    fn an_empty_buffer_counts_only_after_a_step_has_filled_it() {
-        let mut work = Work::new(Micros(0));
-        work.tick_seen();
-        work.pulse_sent(true);
-        work.step_done(true);
-        assert!(!work.is_done(LATER));
-        work.pulse_sent(true);
-        assert!(work.is_done(LATER));
     }
 }

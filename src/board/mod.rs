@@ -218,8 +218,7 @@ impl application::Board for Board {
     }
 
     fn step_ends(&mut self, end: &StepEnd) {
-        // A step that comes just before every edge would never let the loop see the buffer empty.
-        self.guard.work.pulse_sent(self.frame.is_sent());
+        self.guard.work.frame_begun(frame::has_begun());
         let every_pin = self.frame.has_every_pin();
         let taken = self.frame.write(end.pulses);
         if self.frame.has_every_pin() != every_pin {

@@ -58,8 +58,6 @@ const LAST_TICK_CHANNEL: usize = {
 const EARLY_TICK_CHANNEL: usize =
     CHANNELS * (CHANNELS - 1) / 2 - SERVO_CHANNELS[0] - SERVO_CHANNELS[1] - LAST_TICK_CHANNEL;
 
-/// STATUS.CCBVx of the servos' channels.
-const BUFFERS_ARE_FULL: u32 = 1 << (16 + SERVO_CHANNELS[0]) | 1 << (16 + SERVO_CHANNELS[1]);
 /// INTFLAG.OVF: the frame begins.
 const OVERFLOW: u32 = 1;
 /// INTFLAG.MCx of the ticks.
@@ -213,11 +211,6 @@ impl Frame {
     /// Whether the timer has the pins of all servos.
     pub(crate) fn has_every_pin(&self) -> bool {
         self.connected == Axis::COUNT
-    }
-
-    /// Whether the pulses written last have gone from the buffers to the pins.
-    pub(crate) fn is_sent(&self) -> bool {
-        frame_registers().status().read().bits() & BUFFERS_ARE_FULL == 0
     }
 
     /// What the ticks are made for.
@@ -413,13 +406,24 @@ fn within_frame(ready: impl Fn() -> bool) -> bool {
     })
 }
 
+/// Whether a frame has begun since that was [forgotten](forget_begin).
+pub(crate) fn has_begun() -> bool {
+    frame_registers().intflag().read().bits() & OVERFLOW != 0
+}
+
+/// From here on [`has_begun`] tells of the next frame.
+pub(crate) fn forget_begin() {
+    // SAFETY: clears a flag that exists and that no interrupt uses.
+    frame_registers()
+        .intflag()
+        .write(|w| unsafe { w.bits(OVERFLOW) });
+}
+
 /// Wait for the beginning of a frame; whether one has come.
 #[inline(never)]
 fn begins() -> bool {
-    let timer = frame_registers();
-    // SAFETY: clears the flag that is waited for.
-    timer.intflag().write(|w| unsafe { w.bits(OVERFLOW) });
-    within_frame(|| timer.intflag().read().bits() & OVERFLOW != 0)
+    forget_begin();
+    within_frame(has_begun)
 }
 
 /// Wait until all pulses of a frame are over, so that a reset cuts none: 23 ms at most.

@@ -71,6 +71,7 @@ impl WatchdogGuard {
             stack::check();
             feed(&self.watchdog);
             self.work.fed(now);
+            frame::forget_begin();
             crash::has_started();
             GRACE.store(0, Ordering::Relaxed);
         }
