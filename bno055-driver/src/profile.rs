@@ -5,6 +5,8 @@
 
 use core::fmt;
 
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
+
 use crate::mode::Mode;
 use crate::registers;
 use crate::sensors::Sensors;
@@ -141,7 +143,7 @@ impl Profile {
         let [m0, m1, m2, version, block @ .., _, _, _, _] = &mut bytes;
         ([*m0, *m1, *m2], *version, *block) = (Self::MAGIC, Self::VERSION, self.registers());
         if let Some((content, crc)) = bytes.split_last_chunk_mut::<4>() {
-            *crc = crc32(content).to_le_bytes();
+            *crc = CRC.checksum(content).to_le_bytes();
         }
         bytes
     }
@@ -156,7 +158,7 @@ impl Profile {
             .ok_or(ProfileError::Format)?;
         let &[m0, m1, m2, version, ref block @ .., c0, c1, c2, c3] = stored;
         let content = stored.first_chunk::<{ Self::STORED_LEN - 4 }>();
-        match content.map(|content| crc32(content)) {
+        match content.map(|content| CRC.checksum(content)) {
             _ if [m0, m1, m2] != Self::MAGIC => Err(ProfileError::Format),
             _ if version != Self::VERSION => Err(ProfileError::Version(version)),
             Some(crc) if crc == u32::from_le_bytes([c0, c1, c2, c3]) => {
@@ -168,20 +170,7 @@ impl Profile {
 }
 
 /// CRC-32 of IEEE 802.3, bit by bit: for 26 bytes a table would not pay.
-fn crc32(bytes: &[u8]) -> u32 {
-    let mut crc = u32::MAX;
-    for &byte in bytes {
-        crc ^= u32::from(byte);
-        for _ in 0..8 {
-            let carry = crc & 1;
-            crc >>= 1;
-            if carry != 0 {
-                crc ^= 0xEDB8_8320;
-            }
-        }
-    }
-    !crc
-}
+const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// Soft-iron matrix, row by row, as the chip holds it (registers 0x43 to 0x54).
 ///
@@ -232,7 +221,7 @@ mod tests {
 
     #[test]
     fn crc_is_the_ieee_one() {
-        assert_eq!(crc32(b"123456789"), 0xCBF4_3926);
+        assert_eq!(CRC.checksum(b"123456789"), 0xCBF4_3926);
     }
 
     #[test]
