@@ -25,7 +25,7 @@ pub trait Law<T: Scalar>: Sized {
     /// What it is made of, in SI units.
     type Config;
     /// What it remembers from one sample to the next.
-    type State: State<T>;
+    type State: State<T> + Default;
 
     /// The law of a configuration.
     ///
@@ -34,7 +34,9 @@ pub trait Law<T: Scalar>: Sized {
     fn new(config: &Self::Config) -> Result<Self, ConfigError>;
 
     /// The state at rest: output zero, or the nearest limit.
-    fn at_rest(&self) -> Self::State;
+    fn at_rest(&self) -> Self::State {
+        Self::State::default()
+    }
 
     /// One sample: setpoint, reading, and whether its output is sent to the actuator. An output
     /// that is not sent is for the case that the next sample is missing. Inputs that are not
@@ -51,7 +53,9 @@ pub trait Law<T: Scalar>: Sized {
     fn coast(&self, _state: &mut Self::State, _is_sent: bool) {}
 
     /// Start again from rest, where the actuator goes to zero.
-    fn reset(&self, state: &mut Self::State, setpoint: T);
+    fn reset(&self, state: &mut Self::State, _setpoint: T) {
+        *state = self.at_rest();
+    }
 
     /// Take another configuration without a bump of the output.
     ///

@@ -167,10 +167,6 @@ impl<T: Scalar> Law<T> for Surface<T> {
         })
     }
 
-    fn at_rest(&self) -> SurfaceState<T> {
-        SurfaceState::default()
-    }
-
     // A function of its own, so that it does not cost the caller its registers.
     #[inline(never)]
     fn update(
@@ -193,10 +189,6 @@ impl<T: Scalar> Law<T> for Surface<T> {
     fn coast(&self, state: &mut SurfaceState<T>, is_sent: bool) {
         self.advance(state);
         state.is_sent = is_sent;
-    }
-
-    fn reset(&self, state: &mut SurfaceState<T>, _setpoint: T) {
-        *state = SurfaceState::default();
     }
 
     /// The model keeps its state.
