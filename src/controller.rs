@@ -49,12 +49,6 @@ macro_rules! laws {
         }
 
         impl Law {
-            fn at_rest(&self) -> LawState {
-                match self {
-                    $(Self::$law(law) => LawState::$law(law.at_rest()),)*
-                }
-            }
-
             fn update(
                 &self,
                 state: &mut LawState,
@@ -80,7 +74,7 @@ macro_rules! laws {
             fn reset(&self, state: &mut LawState, setpoint: Q16) {
                 match (self, &mut *state) {
                     $((Self::$law(law), LawState::$law(state)) => law.reset(state, setpoint),)*
-                    _ => *state = self.at_rest(),
+                    $((Self::$law(law), _) => *state = LawState::$law(law.at_rest()),)*
                 }
             }
 
@@ -206,10 +200,7 @@ impl Controller {
     pub fn new(params: &Params, axis: Axis, travel_rad: f32) -> Self {
         let mut controller = Self {
             law: Law::Surface(Surface::default()),
-            shown: Pd {
-                kp: Q16::ZERO,
-                kd: Q16::ZERO,
-            },
+            shown: Pd::default(),
             setpoint: Q16::ZERO,
             travel: Q16::ZERO,
             ticks_per_us: TicksPerUs::new(params),

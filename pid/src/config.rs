@@ -104,11 +104,8 @@ pub(crate) fn in_range(
     high: f32,
     name: &'static str,
 ) -> Result<(), ConfigError> {
-    if (low..=high).contains(&value) {
-        Ok(())
-    } else {
-        Err(ConfigError::OutOfRange(name))
-    }
+    let is_right = (low..=high).contains(&value);
+    is_right.then_some(()).ok_or(ConfigError::OutOfRange(name))
 }
 
 /// Largest gain or limit taken: what Q16 can hold.

@@ -6,7 +6,7 @@ use crate::scalar::Scalar;
 ///
 /// `u = kp * (setpoint - measured) - kd * rate`. There is no kick when the setpoint moves, and no
 /// difference of noisy angles is taken.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pd<T = f32> {
     /// Output per error.
     pub kp: T,
