@@ -172,6 +172,7 @@ pub(crate) fn stop(check: SelfCheck) -> ! {
 pub(crate) fn refuse_to_start(check: SelfCheck) -> ! {
     let kept = KeptNeutral::read().filter(|_| dfll::is_as_meant());
     if let Some(counts) = kept {
+        frame::will_be_sent(counts);
         frame::send_pulses(counts);
     }
     Record::new(SELF_CHECK, check.code().into()).store();

@@ -322,6 +322,15 @@ pub(crate) fn send_pulses(counts: [u32; Axis::COUNT]) {
     }
 }
 
+/// These pulses are going to be [sent](send_pulses): a fault from here on ends between two of them,
+/// too.
+pub(crate) fn will_be_sent(counts: [u32; Axis::COUNT]) {
+    for (place, counts) in NEUTRAL.iter().zip(counts) {
+        place.store(counts, Ordering::Relaxed);
+    }
+    RUNNING.store(true, Ordering::Release);
+}
+
 /// The interrupts of the ticks.
 fn wanted_interrupts(plan: &TickPlan) -> u32 {
     if plan.ticks_per_frame > 1 {
