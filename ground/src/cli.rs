@@ -24,6 +24,14 @@ use crate::vehicle::web::Web;
 /// Version of the tool, and what tells builds of it apart: a sum over its sources and the image's.
 const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " ", env!("TVC_TOOL_BUILD"));
 
+/// This tool: a log that it keeps begins with these words, as a text of the ground station.
+pub const TOOL: &str = concat!(
+    "tvc ",
+    env!("CARGO_PKG_VERSION"),
+    " ",
+    env!("TVC_TOOL_BUILD")
+);
+
 /// Fly thrust-vector-control firmware on a virtual rig, and put it on the real one.
 #[derive(Debug, Parser)]
 #[command(name = "tvc", version = VERSION, about, max_term_width = 100)]
@@ -178,5 +186,7 @@ mod tests {
     #[test]
     fn the_definition_is_consistent() {
         command().debug_assert();
+        // It fits the text of a message.
+        assert!(TOOL.len() <= 50, "{TOOL}");
     }
 }

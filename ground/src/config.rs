@@ -8,8 +8,8 @@ use clap::{Command, ValueEnum};
 use rig::ServoKind;
 use serde::Deserialize;
 
-use crate::input;
 use crate::vehicle::calibrate::place;
+use report::input;
 
 /// Name of the file in the current folder.
 const HERE: &str = "tvc.toml";

@@ -12,8 +12,8 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use rig::image::{Image, build_in, workspace};
 
-use crate::input;
 use report::exit::BadInput;
+use report::input;
 
 /// The image as `build.rs` has left it: empty unless the tool was built to be installed.
 const EMBEDDED: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/image.elf"));

@@ -11,17 +11,13 @@
     reason = "shared by the programs of this tree alone: `pub` marks what a module offers to others"
 )]
 
-pub mod arguments;
-pub mod campaign;
 pub mod cli;
 pub mod config;
 pub mod filters;
 pub mod flight;
 pub mod image;
-pub mod input;
 pub mod logs;
 pub mod model;
-pub mod param_file;
 mod renamed;
 pub mod shell;
 pub mod signals;

@@ -1,4 +1,5 @@
-//! What a command hands over: figures, tables, plots, pages, files and its exit status.
+//! What commands share: how they read arguments and files, carry out many runs, and hand over
+//! figures, tables, plots, pages, files and their exit status.
 
 #![forbid(unsafe_code)]
 #![allow(
@@ -9,10 +10,13 @@
     reason = "shared by the programs of this tree alone: `pub` marks what a module offers to others"
 )]
 
+pub mod arguments;
+pub mod campaign;
 pub mod distribution;
 pub mod exit;
 pub mod file;
 pub mod gauge;
+pub mod input;
 pub mod kind;
 pub mod measure;
 pub mod page;

@@ -12,12 +12,12 @@ use ::rig::pilot::Manner;
 use anyhow::Result;
 use clap::{Args, Subcommand, ValueEnum};
 
-use crate::arguments::seconds;
 use crate::flight::disturb::Disturb;
 use crate::flight::fly::start_angle;
 use crate::flight::hardware::HardwareChoice;
 use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
+use report::arguments::seconds;
 use report::exit::{BadInput, Verdict};
 #[cfg(unix)]
 use report::file::print;

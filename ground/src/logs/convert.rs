@@ -4,13 +4,14 @@ use std::path::Path;
 
 use anyhow::Result;
 
-use crate::logs::log::{Content, convert};
+use crate::cli::TOOL;
+use flights::log::{Content, convert};
 use report::exit::Verdict;
 use report::file::print_json;
 
 /// Writes the log in the form that the name of `file` says.
 pub fn run(log: &Path, file: &Path, json: bool) -> Result<Verdict> {
-    let written = convert(log, file)?;
+    let written = convert(log, file, TOOL)?;
     if json {
         print_json(&written)?;
     }

@@ -1,7 +1,6 @@
-//! Logs of a vehicle: written, read, reported, replayed, converted.
+//! Logs of a vehicle: reported, replayed, inspected, converted.
 
 pub mod convert;
 pub mod inspect;
-pub mod log;
 pub mod replay;
 pub mod report;

@@ -20,8 +20,8 @@ use mavlink::dialects::common::{MavCmd, MavResult};
 use recordings::FilterName;
 use tvc_nano::{BootReport, Command, Flight, Micros, RawSample, Refresh, SensorFault};
 
-use crate::arguments::parameter;
-use crate::logs::log::{self, Event, Step};
+use flights::arguments::parameter;
+use flights::log::{self, Event, Step};
 use report::exit::{BadInput, Verdict};
 use report::file::write_whole;
 use report::kind;

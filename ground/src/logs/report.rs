@@ -13,20 +13,19 @@ use anyhow::Result;
 use client::StateKind;
 use client::state::state_of;
 use client::status::sick;
-use plant::response::StepResponse;
 use rig::measure::Spread;
 
-use crate::flight::figures::{Run, spread, telemetry};
-use crate::flight::requirements;
-use crate::logs::log::{Event, Flight, Release, Step};
 use clap::Args;
+use flights::figures::{Run, response, servo, spread, telemetry};
+use flights::log::{Event, Flight, Release, Step};
+use flights::requirements;
 use report::exit::Verdict;
 use report::measure::Limit::AtLeast;
 use report::measure::{Figure, Figures, data, figure, rows, shown};
 use rig::ServoKind;
 use std::path::PathBuf;
 use sweep::Sweep;
-use tvc_nano::{Axis, Params};
+use tvc_nano::Axis;
 
 /// Options of `tvc report`.
 #[derive(Debug, Args)]
@@ -55,9 +54,6 @@ pub struct Report {
 
 /// Where the page of several logs goes.
 const SEVERAL: &str = "report/logs.html";
-
-/// Tilt from which on a vehicle with two axes counts as tilted about one of them, rad.
-const TILTED_RAD: f64 = 0.05;
 
 /// Time after the release in which the drone swings upright, s: it does not count for how well it
 /// is held.
@@ -110,15 +106,6 @@ pub fn conclude(
         .map(|path| anyhow::Ok((path, page::render(log, flight, &figures)?)))
         .transpose()?;
     figures.conclude(json, page)
-}
-
-/// The servo that firmware parameters are for, by their frame rate.
-pub fn servo(params: &Params) -> ServoKind {
-    if params.srv_rate_hz() >= ServoKind::Digital.frame_hz() {
-        ServoKind::Digital
-    } else {
-        ServoKind::S3003
-    }
 }
 
 /// The figures of a log.
@@ -181,25 +168,6 @@ fn releases_figure(count: usize) -> Figure {
         0 => releases.said("releases", "none, so there is nothing to judge"),
         _ => releases.shown("releases", "", 0),
     }
-}
-
-/// The response of an axis to the release, if its set point rested; one that begins on it is none,
-/// nor is that of a vehicle with two axes which was tilted about the other.
-pub fn response(release: &Release, axis: Axis) -> Option<Run> {
-    let set_rad = release.set_rad(axis);
-    let target = set_rad[0];
-    if set_rad.iter().any(|set| *set != target) {
-        return None;
-    }
-    let response = StepResponse::new(release.motion(axis), target).ok()?;
-    if release.axes().len() > 1 && response.initial_error().abs() < TILTED_RAD {
-        return None;
-    }
-    Some(Run::new(
-        response.initial_error(),
-        &response,
-        release.stayed,
-    ))
 }
 
 /// How well an axis was held at its set point after the swing upright; none for a shorter release,

@@ -8,9 +8,9 @@ use plant::{Parameters, ServoModel, Setup};
 use tvc_nano::controller::Sample;
 use tvc_nano::{Axis, Controller, LawState, Micros, Params, RawSample, Refresh};
 
-use crate::input;
-use crate::param_file;
+use flights::param_file;
 use report::exit::BadInput;
+use report::input;
 use rig::ServoKind;
 
 /// The image's controller with the linkage of a drone.

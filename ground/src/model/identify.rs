@@ -12,9 +12,9 @@ use recordings::Lines;
 use rig::ServoKind;
 use tvc_nano::Axis;
 
-use crate::arguments::AxisName;
-use crate::logs::log::{Flight, Release, Step};
 use crate::model::control_law;
+use flights::arguments::AxisName;
+use flights::log::{Flight, Release, Step};
 use report::exit::{BadInput, Verdict};
 use report::file::write_whole;
 use report::kind;

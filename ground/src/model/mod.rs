@@ -12,9 +12,9 @@ mod what_if;
 
 use std::path::Path;
 
-use crate::input;
 pub use options::{Linear, Model, ModelCommand, Simulate, WhatIf};
 use report::exit::{BadInput, Verdict};
+use report::input;
 
 /// Carries out what `options` say.
 pub fn run(options: &Model) -> anyhow::Result<Verdict> {

@@ -6,7 +6,8 @@ use clap::{Args, Subcommand};
 use plant::Parameters;
 use rig::ServoKind;
 
-use crate::arguments::{number, numbers, parameter};
+use flights::arguments::parameter;
+use report::arguments::{number, numbers};
 use report::kind;
 
 /// The model: physics that can be checked, and what follows from it.

@@ -9,11 +9,10 @@ use plant::pitch_loop::PitchLoop;
 use plant::response::StepResponse;
 use tvc_nano::{Axis, Params};
 
-use crate::flight::figures::{Run, settling_band_deg};
-use crate::logs::log::{Flight, Release, Step};
-use crate::logs::report::{response, servo};
 use crate::model::WhatIf;
 use crate::model::control_law::{Law, setup};
+use flights::figures::{Run, response, servo, settling_band_deg};
+use flights::log::{Flight, Release, Step};
 use report::exit::{BadInput, Verdict};
 use report::measure::{Figures, data, figure, rows, shown};
 use report::page::{self, page};
@@ -236,7 +235,7 @@ fn markup(options: &WhatIf, set_rad: f64, all: &[Flown], figures: &Figures) -> R
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::logs::log::{Entry, Event, Log};
+    use flights::log::{Entry, Event, Log};
     use rig::ServoKind;
     use tvc_nano::failsafe::StateKind;
 

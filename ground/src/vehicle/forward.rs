@@ -12,15 +12,16 @@ use clap::Args;
 use client::StatusTracker;
 use mavlink::dialects::common::MavMessage;
 
-use crate::arguments::seconds;
-use crate::logs::log::Writer;
+use crate::cli::TOOL;
 use crate::signals;
 use crate::vehicle::admission::Admission;
 use crate::vehicle::link::{Link, Vehicle};
 use crate::vehicle::monitor::servo_maps;
 use crate::vehicle::port::PortOptions;
 use crate::vehicle::signing::Signing;
+use flights::log::Writer;
 use gate::Gate;
+use report::arguments::seconds;
 use report::exit::Verdict;
 use report::kind;
 
@@ -90,7 +91,7 @@ pub fn run(options: &Forward) -> Result<Verdict> {
     let mut vehicle = Vehicle::at(Link::open(&options.port)?.without_heartbeat())?;
     let mut tracker = StatusTracker::new(servo_maps(&mut vehicle)?);
     if let Some(log) = &options.log {
-        vehicle.link().log_to(Writer::create(log)?);
+        vehicle.link().log_to(Writer::create(log, TOOL)?);
         vehicle.parameters()?;
     }
     let station = socket(options.to)?;

@@ -9,7 +9,7 @@ use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
 
-use crate::logs::log::TOOL;
+use crate::cli::TOOL;
 use crate::vehicle::port::machine::{Access, Program, access, holders, is_running, names};
 use crate::vehicle::port::{self, Life, PortOptions, VehicleOptions};
 use crate::{config, image};

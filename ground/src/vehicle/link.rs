@@ -8,9 +8,10 @@ use client::request::Order;
 use client::{Client, Failure, Frame, Parameter, Request, StateKind, request};
 use mavlink::dialects::common::MavMessage;
 
-use crate::logs::log::{TOOL, Writer};
+use crate::cli::TOOL;
 use crate::vehicle::port::{Port, PortOptions};
 use crate::vehicle::way::Way;
+use flights::log::Writer;
 use report::exit::BadInput;
 
 /// How long the vehicle may take until its first heartbeat; it sends one a second, and one at once

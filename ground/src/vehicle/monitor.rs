@@ -13,11 +13,12 @@ use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use mavlink::dialects::common::MavAutopilot;
 use tvc_nano::{Axis, Params};
 
-use crate::arguments::seconds;
-use crate::logs::log::Writer;
+use crate::cli::TOOL;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
+use flights::log::Writer;
+use report::arguments::seconds;
 use report::exit::{BadInput, Verdict};
 use report::file::{print, print_json};
 use report::gauge::gauge;
@@ -66,7 +67,7 @@ pub fn run(options: &Monitor) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(&options.port)?;
     let mut tracker = StatusTracker::new(servo_maps(&mut vehicle)?);
     if let Some(log) = &options.log {
-        vehicle.link().log_to(Writer::create(log)?);
+        vehicle.link().log_to(Writer::create(log, TOOL)?);
         // So that the log can be replayed.
         vehicle.parameters()?;
     }

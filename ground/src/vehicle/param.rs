@@ -8,8 +8,8 @@ use serde::Serialize;
 use serde_json::json;
 use tvc_nano::Params;
 
-use crate::param_file::{self, File, NO_POLARITY};
 use crate::vehicle::link::Vehicle;
+use flights::param_file::{self, File, NO_POLARITY};
 use report::exit::{BadInput, Verdict};
 use report::file::{print, write_whole};
 use report::measure::{Figure, Figures, data, figure, note, rows, shown};

@@ -10,12 +10,13 @@ use client::request;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
-use crate::arguments::seconds;
-use crate::logs::log::{Flight, Writer, write_csv};
+use crate::cli::TOOL;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::VehicleOptions;
 use crate::vehicle::recorder;
+use flights::log::{Flight, Writer, write_csv};
+use report::arguments::seconds;
 use report::exit::{BadInput, Verdict};
 use report::file::print_json;
 use report::kind;
@@ -70,7 +71,7 @@ pub fn run(options: &Record) -> Result<Verdict> {
     kind::new_log(&name).map_err(|why| BadInput::new(format!("{name}: {why}")))?;
     let stop = signals::on_signal()?;
     let mut vehicle = Vehicle::connect(&options.vehicle.port)?;
-    vehicle.link().log_to(Writer::create(&options.log)?);
+    vehicle.link().log_to(Writer::create(&options.log, TOOL)?);
     vehicle.parameters()?;
     if let Err(refusal) = vehicle.command(request::CALIBRATE) {
         eprintln!(

@@ -8,9 +8,10 @@ use client::{Parameter, StateKind};
 use tvc_nano::recorder::{self, STEP_BYTES};
 use tvc_nano::{Axis, Micros, PulseUs, RawSample};
 
-use crate::logs::log::{Event, Flight, Step, whole_us, write_flight};
+use crate::cli::TOOL;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
+use flights::log::{Event, Flight, Step, whole_us, write_flight};
 use report::exit::{BadInput, Verdict};
 use report::file::print_json;
 
@@ -28,7 +29,7 @@ pub fn fetch(port: &PortOptions, file: &Path, json: bool) -> Result<Verdict> {
         .into());
     }
     let flight = flight(&bytes, vehicle.parameters()?)?;
-    write_flight(&flight, file)?;
+    write_flight(&flight, file, TOOL)?;
     let (steps, missed) = (flight.steps().count(), flight.missed());
     let before = flight
         .events

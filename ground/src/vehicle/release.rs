@@ -6,12 +6,12 @@ use anyhow::{Result, bail};
 use clap::Args;
 use client::{StateKind, request};
 
-use crate::arguments::seconds;
 use crate::signals;
 use crate::vehicle::calibrate::keyboard::{Keyboard, Typed, is_attended};
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::VehicleOptions;
 use crate::vehicle::watch::Watched;
+use report::arguments::seconds;
 use report::exit::{BadInput, Verdict};
 use report::measure::{Figures, figure, note};
 

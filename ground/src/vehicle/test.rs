@@ -11,13 +11,16 @@ use client::{Failure, RefusalKind, StateKind, request};
 use indicatif::{ProgressBar, ProgressStyle};
 use tvc_nano::Axis;
 
-use crate::arguments::{AxisName, number, seconds};
-use crate::logs::log::{Flight, Release, Writer};
-use crate::logs::report::{conclude, figures, response, sweep};
+use crate::cli::TOOL;
+use crate::logs::report::{conclude, figures, sweep};
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::VehicleOptions;
 use crate::vehicle::watch::Watched;
+use flights::arguments::AxisName;
+use flights::figures::response;
+use flights::log::{Flight, Release, Writer};
+use report::arguments::{number, seconds};
 use report::exit::Verdict;
 use report::kind;
 use report::measure::figure;
@@ -193,7 +196,7 @@ pub fn run(options: &Test) -> Result<Verdict> {
         None => folder.path().join("test.tlog"),
     };
     let mut vehicle = Watched::new(Vehicle::connect(&options.vehicle.port)?);
-    vehicle.link().log_to(Writer::create(&log)?);
+    vehicle.link().log_to(Writer::create(&log, TOOL)?);
     vehicle.parameters()?;
     if vehicle.state().is_some_and(is_in_operation) {
         bail!("the vehicle is not in standby: `tvc disarm` first");

@@ -17,11 +17,11 @@ use rig::flight::FlightError;
 use rig::{Image, ServoKind, Setup, Ticks, prepare};
 use serde::{Deserialize, Serialize};
 
+use ::report::campaign::{carry_out, read_run};
 use ::report::exit::{BadInput, Verdict};
 use ::report::file::write_table;
 use ::report::kind;
 use ::report::measure::{Figures, figure};
-use ground::campaign::{carry_out, read_run};
 use ground::flight::vehicle::VehicleKind;
 pub use options::Faults;
 use options::{FaultsCommand, Rerun};

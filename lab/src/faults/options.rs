@@ -7,11 +7,11 @@ use rig::ServoKind;
 use rig::faults::{Kind, Phase, Plan};
 
 use super::Flown;
-use ground::arguments::shard;
-use ground::campaign::{CampaignOptions, Merge, Output};
 use ground::flight::hardware::HardwareChoice;
 use ground::flight::vehicle::VehicleKind;
 use ground::image::ImageOption;
+use report::arguments::shard;
+use report::campaign::{CampaignOptions, Merge, Output};
 use report::exit::BadInput;
 use report::kind;
 

@@ -5,8 +5,8 @@ use rig::faults::{Alarms, Ending, Kind, Outcome, Phase, Plan};
 use serde::{Deserialize, Serialize};
 
 use super::{Flown, named};
-use ground::campaign;
 use ground::flight::vehicle::VehicleKind;
+use report::campaign;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

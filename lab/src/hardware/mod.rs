@@ -14,9 +14,9 @@ use rig::bench::hardware::keys;
 use rig::{Image, ServoKind, Setup};
 use row::{Ending, Flown};
 
-use ground::campaign::{CampaignOptions, carry_out};
 use ground::flight::fly::flights::STARTS_RAD;
 use ground::image::ImageOption;
+use report::campaign::{CampaignOptions, carry_out};
 use report::exit::{BadInput, Verdict};
 use report::kind;
 use report::measure::{Figures, figure, rows};

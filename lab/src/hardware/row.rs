@@ -6,9 +6,9 @@ use rig::ground_station::BusReport;
 use rig::measure::LoopTiming;
 use rig::{Image, ServoKind, Setup, fly_at_once, prepare};
 
-use ground::flight::figures::Run;
+use flights::figures::Run;
+use flights::requirements;
 use ground::flight::fly::flights::{FLIGHT_S, START_RATE_RAD_S, link, pooled, run};
-use ground::flight::requirements;
 use report::measure::Limit::Set;
 use report::measure::{Figure, figure};
 

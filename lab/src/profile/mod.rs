@@ -11,10 +11,10 @@ use clap::Args;
 use rig::profile::{Window, advance, run as run_window};
 use rig::{Image, Rig, ServoKind, Setup, prepare};
 
+use ::report::arguments::seconds;
 use ::report::exit::{BadInput, Verdict};
 use ::report::kind;
 use ::report::measure::{Figure, Figures, figure, rows};
-use ground::arguments::seconds;
 use ground::flight::fly::flights::START_RATE_RAD_S;
 use ground::flight::fly::live::Live;
 use ground::flight::fly::options::start_angle;

@@ -8,7 +8,7 @@ use super::levels::{FRAME_BYTES, Level, exception_name};
 use super::seen::Seen;
 use super::value::Origin;
 use super::walk::{Call, Target};
-use ground::flight::requirements;
+use flights::requirements;
 use report::measure::Limit::AtMost;
 use report::measure::{Figure, Figures, figure, note, rows};
 

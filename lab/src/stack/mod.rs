@@ -24,11 +24,11 @@ use anyhow::{Context, Result};
 use clap::Args;
 use samd21::chip::EXCEPTIONS;
 
+use ::report::arguments::seconds;
 use ::report::exit::{BadInput, Verdict};
 use ::report::kind;
 use bounds::{bound, bounds};
 use depth::{Bounded, Calls, Deepest};
-use ground::arguments::seconds;
 use ground::flight::fly::options::start_angle;
 use ground::image::ImageOption;
 use levels::{FRAME_BYTES, Level, levels};

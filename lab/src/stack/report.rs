@@ -6,7 +6,7 @@ use super::Analysis;
 use super::figures::{bounds_in_words, level_name};
 use super::levels::FRAME_BYTES;
 use super::seen::Seen;
-use ground::flight::requirements;
+use flights::requirements;
 use report::measure::{Figures, figure};
 use report::page::{page, verdicts};
 

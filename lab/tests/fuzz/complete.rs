@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 use super::readers::READERS;
 
 /// Folders of what the tool is made of.
-const FOLDERS: [&str; 8] = [
+const FOLDERS: [&str; 9] = [
     "calibration/src",
     "client/src",
+    "flights/src",
     "ground/src",
     "lab/src",
     "plant/src",
@@ -48,7 +49,7 @@ const ELSEWHERE: [(&str, &str); 9] = [
         "rig/src/fly/pilot.rs",
         "what the rig's own image sends, and prompts to it",
     ),
-    ("ground/src/input.rs", "what opens the files of the others"),
+    ("reports/src/input.rs", "what opens the files of the others"),
     ("lab/src/cycles/mod.rs", "a recording of the source tree"),
     (
         "reports/src/kind.rs",

@@ -53,9 +53,9 @@ pub const READERS: &[Reader] = &[
         times: 300,
         read: logs::report,
         sources: &[
-            "ground/src/logs/log.rs",
-            "ground/src/logs/log/mcap.rs",
-            "ground/src/logs/log/reading.rs",
+            "flights/src/log.rs",
+            "flights/src/log/mcap.rs",
+            "flights/src/log/reading.rs",
             "ground/src/logs/inspect/recover.rs",
         ],
     },
@@ -66,10 +66,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: MIB,
         times: 300,
         read: logs::parts,
-        sources: &[
-            "ground/src/logs/log/span.rs",
-            "ground/src/logs/inspect/cut.rs",
-        ],
+        sources: &["flights/src/log/span.rs", "ground/src/logs/inspect/cut.rs"],
     },
     Reader {
         name: "mcap",
@@ -78,7 +75,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: MIB,
         times: 300,
         read: logs::report,
-        sources: &["ground/src/logs/log/mcap.rs"],
+        sources: &["flights/src/log/mcap.rs"],
     },
     Reader {
         name: "table",
@@ -117,7 +114,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: 2 * MIB,
         times: 100,
         read: recordings::faults,
-        sources: &["ground/src/campaign.rs"],
+        sources: &["reports/src/campaign.rs"],
     },
     Reader {
         name: "faults-run",
@@ -135,7 +132,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: MIB,
         times: 100,
         read: recordings::campaign,
-        sources: &["ground/src/campaign.rs"],
+        sources: &["reports/src/campaign.rs"],
     },
     Reader {
         name: "parameters",
@@ -144,7 +141,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: 64 * KIB,
         times: 100,
         read: files::parameters,
-        sources: &["ground/src/param_file.rs"],
+        sources: &["flights/src/param_file.rs"],
     },
     Reader {
         name: "config",

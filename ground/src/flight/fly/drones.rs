@@ -20,10 +20,10 @@ use tvc_nano::Axis;
 
 use super::flights::{FLIGHT_S, START_RATE_RAD_S, STARTS_RAD};
 use super::{Flying, since, told};
-use crate::campaign::carry_out;
-use crate::flight::requirements;
 use crate::flight::vehicle::VehicleKind;
 use crate::model::control_law;
+use flights::requirements;
+use report::campaign::carry_out;
 use report::distribution::Distribution;
 use report::measure::{Figure, Figures, data, figure, rows};
 use report::page::figure as picture;

@@ -20,8 +20,8 @@ use rig::disturbance::{Disturbances, SupplySag, Temperature, ThrustRamp, Vibrati
 use rig::random::{Stream, generator};
 use serde::Deserialize;
 
-use crate::input;
 use report::exit::BadInput;
+use report::input;
 
 /// What happens in a flight.
 #[derive(Clone, Debug, Default)]

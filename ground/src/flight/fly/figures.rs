@@ -4,8 +4,8 @@ use client::LinkCounts;
 use rig::image::Sizes;
 use rig::measure::LoopTiming;
 
-use crate::flight::figures::{Run, spread, telemetry};
-use crate::flight::requirements;
+use flights::figures::{Run, spread, telemetry};
+use flights::requirements;
 use report::measure::{Figure, Figures, data, figure, rows, shown};
 use rig::ServoKind;
 use rig::bench::{FaultEntry, Since};

@@ -11,8 +11,8 @@ use tvc_nano::Axis;
 use super::figures::Measured;
 use super::live::Live;
 use super::{Flying, Stopwatch, report};
-use crate::flight::figures::Run;
 use ::report::measure::Figures;
+use flights::figures::Run;
 
 /// Tilts that are flown from, rad.
 pub const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];

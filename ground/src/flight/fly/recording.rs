@@ -12,9 +12,9 @@ use rig::replay::{ReplayRecord, replay};
 use super::figures::Measured;
 use super::live::Live;
 use super::{Flying, Stopwatch, report};
-use crate::flight::requirements;
 use ::report::exit::BadInput;
 use ::report::measure::{Figure, Figures, Limit::Within, figure};
+use flights::requirements;
 
 /// How much of the recording runs without wait states, which only gives cycles, s.
 const CYCLES_S: f64 = 5.0;

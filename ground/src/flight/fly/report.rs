@@ -8,7 +8,7 @@ use rig::ground_truth::Motion;
 use rig::replay::ReplayRecord;
 
 use super::since;
-use crate::flight::figures::settling_band_deg;
+use flights::figures::settling_band_deg;
 use report::measure::Figures;
 use report::page::{figure, page, verdicts};
 use report::plot::{Line, Plot};

@@ -12,9 +12,9 @@ use samd21::board::Ticks;
 use serde::Serialize;
 
 use super::{Flying, since, told};
-use crate::campaign::carry_out;
 use crate::flight::fly::Fly;
-use crate::flight::requirements;
+use flights::requirements;
+use report::campaign::carry_out;
 use report::distribution::Distribution;
 use report::exit::BadInput;
 use report::measure::{Figure, Figures, data, figure, rows};

@@ -56,8 +56,8 @@ pub fn run(options: &Tell) -> Result<Verdict> {
 
     use anyhow::Context;
 
-    use crate::input::ANSWER;
     use report::file::print;
+    use report::input::ANSWER;
 
     /// Time for an answer.
     const PATIENCE: Duration = Duration::from_secs(5);

@@ -12,7 +12,8 @@ use serde_json::json;
 
 use super::Cut;
 use super::info::releases;
-use crate::logs::log::{self, Frames, Log, Writer};
+use crate::cli::TOOL;
+use flights::log::{self, Frames, Log, Writer};
 use report::exit::{BadInput, Verdict};
 use report::file::print_json;
 
@@ -42,7 +43,7 @@ pub fn run(options: &Cut, json: bool) -> Result<Verdict> {
         .into());
     };
     let known = known(&bytes, *begin_us, &frames);
-    let mut writer = Writer::whole(&options.file)?;
+    let mut writer = Writer::whole(&options.file, TOOL)?;
     for frame in &known {
         writer.write_at(*begin_us, frame)?;
     }

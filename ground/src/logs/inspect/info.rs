@@ -9,7 +9,7 @@ use client::state::{state_name, state_of};
 use mavlink::Message;
 use mavlink::dialects::common::MavMessage;
 
-use crate::logs::log::{Log, Origin};
+use flights::log::{Log, Origin};
 use report::exit::Verdict;
 use report::measure::{Figure, Figures, data, figure, rows, some};
 

@@ -9,8 +9,8 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 
-use crate::arguments::number;
 use crate::logs::convert;
+use report::arguments::number;
 use report::exit::Verdict;
 use report::kind;
 
@@ -142,7 +142,8 @@ pub fn run(options: &LogCommand) -> Result<Verdict> {
 #[cfg(test)]
 pub mod tests {
     use super::*;
-    use crate::logs::log::{Entry, Event, Log, Step, Writer};
+    use crate::cli::TOOL;
+    use flights::log::{Entry, Event, Log, Step, Writer};
     use mavlink::{MAVLinkV2MessageRaw, MavHeader};
     use std::path::Path;
 
@@ -186,7 +187,7 @@ pub mod tests {
 
     /// Writes a log with these messages.
     pub fn write(log: &Log, path: &Path) {
-        let mut writer = Writer::create(path).unwrap();
+        let mut writer = Writer::create(path, TOOL).unwrap();
         for (index, entry) in log.entries.iter().enumerate() {
             let mut raw = MAVLinkV2MessageRaw::new();
             let header = MavHeader {

@@ -6,9 +6,10 @@ use anyhow::Result;
 use client::Wire;
 
 use super::cut::done;
-use crate::input;
-use crate::logs::log::{self, Frames, Writer};
+use crate::cli::TOOL;
+use flights::log::{self, Frames, Writer};
 use report::exit::{BadInput, Verdict};
+use report::input;
 
 /// Time between neighbours in a log from which one of them must be wrong, us: a day.
 const JUMP_US: u64 = 86_400_000_000;
@@ -29,7 +30,7 @@ pub fn run(path: &Path, file: &Path, json: bool) -> Result<Verdict> {
         ))
         .into());
     }
-    let mut writer = Writer::whole(file)?;
+    let mut writer = Writer::whole(file, TOOL)?;
     for (time_us, frame) in &frames {
         writer.write_at(*time_us, frame)?;
     }
@@ -75,7 +76,7 @@ fn mend_times(frames: &mut [(u64, &[u8])]) {
 mod tests {
     use super::super::tests::{flight, write};
     use super::*;
-    use crate::logs::log::Log;
+    use flights::log::Log;
 
     #[test]
     fn what_is_whole_comes_back_from_both_forms() {

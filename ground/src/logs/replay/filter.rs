@@ -8,7 +8,7 @@ use tvc_fusion::Quaternion;
 use tvc_fusion::fixed::Scale;
 use tvc_nano::{Params, mount::Mount};
 
-use crate::logs::log::Flight;
+use flights::log::Flight;
 use report::exit::BadInput;
 
 /// Time and pitch (rad) after every sample, by a filter in single precision with its default gains;

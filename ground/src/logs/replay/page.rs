@@ -6,7 +6,7 @@ use anyhow::Result;
 use maud::html;
 
 use super::{Comparison, Pair};
-use crate::logs::log::Step;
+use flights::log::Step;
 use report::page::{figure, page};
 use report::plot::{Line, Plot};
 

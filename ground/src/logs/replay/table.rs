@@ -38,7 +38,7 @@ pub fn text(pairs: &[Pair], other: Option<&[(f64, f64)]>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::logs::log::Step;
+    use flights::log::Step;
     use tvc_nano::{Micros, RawSample};
 
     #[test]

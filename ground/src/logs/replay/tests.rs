@@ -1,9 +1,9 @@
 //! Flights of the image with a sensor that fails, replayed.
 
 use super::*;
-use crate::logs::log::{Flight as Logged, Log};
 use client::Wire;
 use client::request::{self, Order};
+use flights::log::{Flight as Logged, Log};
 use rig::bench::VehicleConfig;
 use rig::bno055::Fault;
 use rig::rocket::{self, Airframe, RocketLaw};

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use maud::html;
 
-use super::{figures, response, servo};
-use crate::logs::log::{Flight, Release, Step};
+use super::figures;
+use flights::figures::{response, servo};
+use flights::log::{Flight, Release, Step};
 use report::exit::Verdict;
 use report::file::{hand_over, print, print_json};
 use report::measure::{Figure, Figures, data, figure, judged, rows};
@@ -122,7 +123,7 @@ fn overlaid(flights: &[(String, Flight)]) -> Result<maud::Markup> {
 mod tests {
     use super::*;
     use crate::logs::inspect::tests::{flight, write};
-    use crate::logs::log::Log;
+    use flights::log::Log;
 
     #[test]
     fn releases_of_all_logs_stand_in_one_table_and_each_log_is_judged() {

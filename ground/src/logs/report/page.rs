@@ -11,8 +11,8 @@ use tvc_nano::{Axis, Params};
 
 use super::sweep::Sweep;
 use super::{events, last_parameters};
-use crate::flight::figures::settling_band_deg;
-use crate::logs::log::{Event, Flight, Release, Step};
+use flights::figures::settling_band_deg;
+use flights::log::{Event, Flight, Release, Step};
 use report::measure::Figures;
 use report::page::{figure, page, table, verdicts};
 use report::plot::{Line, Plot};

@@ -13,7 +13,7 @@ use maud::{Markup, html};
 use serde::Serialize;
 use tvc_nano::Axis;
 
-use crate::logs::log::Release;
+use flights::log::Release;
 use report::page::figure;
 use report::plot::{Line, Plot};
 

@@ -14,9 +14,9 @@ use tvc_nano::Params;
 use tvc_nano::params::TABLE;
 
 use super::table::Row;
-use crate::campaign::read_run;
 use crate::model::control_law::Law;
 use crate::model::montecarlo::Rerun;
+use report::campaign::read_run;
 use report::exit::{BadInput, Verdict};
 use report::file::write_whole;
 use report::measure::{Figures, figure};

@@ -12,8 +12,8 @@ use anyhow::Result;
 use plant::dispersion::{self, Campaign, Ranges};
 use plant::pitch_loop::Timing;
 
-use crate::campaign;
 use crate::model::control_law::{self, Law};
+use ::report::campaign;
 use ::report::exit::Verdict;
 use ::report::kind;
 pub use case::Case;

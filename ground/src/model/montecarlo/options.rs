@@ -6,8 +6,8 @@ use clap::{Args, Subcommand};
 use plant::dispersion::Ranges;
 use rig::ServoKind;
 
-use crate::arguments::shard;
-use crate::campaign::{CampaignOptions, Merge, Output};
+use report::arguments::shard;
+use report::campaign::{CampaignOptions, Merge, Output};
 use report::kind;
 
 /// Options of `tvc montecarlo`.

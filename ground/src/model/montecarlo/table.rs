@@ -3,7 +3,7 @@
 use plant::dispersion::{Draw, Outcome};
 use serde::{Deserialize, Serialize};
 
-use crate::campaign;
+use report::campaign;
 
 /// A run: the campaign that it belongs to, what it drew, and its result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

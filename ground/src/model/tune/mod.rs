@@ -17,7 +17,7 @@ use rig::ServoKind;
 use tvc_nano::Params;
 
 use crate::model::control_law;
-use crate::param_file;
+use flights::param_file;
 use report::exit::Verdict;
 use report::file::write_whole;
 use report::kind;

@@ -15,7 +15,8 @@ use super::outcome::Outcome;
 use super::person::{Ending, Question};
 use super::session::Session;
 use super::{declination, readings};
-use crate::logs::log::Writer;
+use crate::cli::TOOL;
+use flights::log::Writer;
 use report::exit::Verdict;
 use report::file::{print_json, write_whole};
 use report::measure::{Figures, figure};
@@ -75,7 +76,7 @@ pub fn calibrate(
     let asked_deg = declination::asked_deg(options)?;
     let folder = tempfile::tempdir().context("making a temporary folder")?;
     let log = folder.path().join("calibration.tlog");
-    session.vehicle.link().log_to(Writer::create(&log)?);
+    session.vehicle.link().log_to(Writer::create(&log, TOOL)?);
     session.vehicle.parameters()?;
     let declination_deg = match asked_deg {
         None if session.is_attended() => ask_declination(session)?,

@@ -1,10 +1,10 @@
 //! Options of `tvc calibrate`.
 
-use crate::arguments::{number, numbers, seconds};
 use crate::vehicle::port::VehicleOptions;
 use anyhow::Result;
 use calibration::{STANDARD_GRAVITY, Sensor, Wanted};
 use clap::{Args, Subcommand};
+use report::arguments::{number, numbers, seconds};
 use report::kind::{self, Kind};
 use std::path::{Path, PathBuf};
 use tvc_nano::Axis;

@@ -10,10 +10,10 @@ use tvc_nano::Params;
 use super::figures::figures;
 use super::options::Files;
 use super::report;
-use crate::param_file;
 use ::report::file::write_whole;
 use ::report::measure::Figures;
 use client::Parameter;
+use flights::param_file;
 
 /// Parameters and figures of a calibration.
 pub struct Outcome {

@@ -10,7 +10,7 @@ use mavlink::dialects::common::MavMessage;
 use nalgebra::Vector3;
 use recordings::{Source, bno055};
 
-use crate::logs::log::{each_message, has_extension};
+use flights::log::{each_message, has_extension};
 use report::exit::BadInput;
 
 /// Fewest samples: a second of them.

@@ -18,10 +18,11 @@ use super::options::Calibrate;
 use super::person::{Ending, Person, Question};
 use super::readings;
 use super::terminal::Terminal;
-use super::write::{CHECKED, POLARITY, SECOND_POLARITY, write};
+use super::write::{CHECKED, write};
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::watch::Watched;
+use flights::param_file::{POLARITY, SECOND_POLARITY};
 use report::exit::Verdict;
 
 /// How much of the vehicle's time passes between two looks at its samples, s.

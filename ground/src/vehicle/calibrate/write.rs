@@ -2,15 +2,11 @@
 
 use anyhow::{Result, bail};
 use client::{Parameter, request};
+use flights::param_file::{POLARITY, SECOND_POLARITY};
 
 use crate::vehicle::link::Vehicle;
 
-/// Whether a person has seen the rudder answer a tilt the right way. The vehicle forgets it where
-/// another parameter that decides about it changes.
-pub const POLARITY: &str = "SRV_POLARITY";
-/// The same of the second rudder, where roll is steered.
-pub const SECOND_POLARITY: &str = "SRV2_POLARITY";
-/// Its value while nobody has.
+/// Value of a polarity while nobody has seen the rudder answer a tilt.
 pub const UNCHECKED: f32 = 0.0;
 /// Its value once somebody has.
 pub const CHECKED: f32 = 1.0;

@@ -11,9 +11,9 @@ use tvc_nano::failsafe::{RefusalKind, StateCode};
 use tvc_nano::params::Polarity;
 use tvc_nano::{Axis, Params};
 
-use crate::logs::log::vehicle_build;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
+use flights::log::vehicle_build;
 
 /// How long what the vehicle tells once a second is waited for.
 const TOLD: Duration = Duration::from_secs(3);

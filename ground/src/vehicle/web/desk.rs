@@ -39,8 +39,8 @@ use super::model::{Model, State, Test};
 use super::rig::{self, RigSocket};
 use super::vehicle_thread::guard;
 use super::{manoeuvre, report, set_up};
-use crate::param_file;
 use crate::vehicle::test::Manoeuvre;
+use flights::param_file;
 
 /// Age from which on an order is refused.
 pub const FRESH: Duration = Duration::from_secs(1);

@@ -6,7 +6,8 @@ use std::time::UNIX_EPOCH;
 use anyhow::{Context, Result};
 use serde::Serialize;
 
-use crate::logs::log::{Writer, has_extension, span_us};
+use crate::cli::TOOL;
+use flights::log::{Writer, has_extension, span_us};
 use report::exit::BadInput;
 
 /// Most recordings of a kind in one folder.
@@ -20,7 +21,7 @@ const LISTED: usize = 500;
 /// The folder takes no files, or is full.
 pub fn create(folder: &Path, kind: &str) -> Result<(Writer, PathBuf)> {
     let path = free(folder, kind)?;
-    Ok((Writer::create(&path)?, path))
+    Ok((Writer::create(&path, TOOL)?, path))
 }
 
 /// The path of a log with the next free number in `folder`.

@@ -9,11 +9,11 @@ use serde_json::{Value, json};
 use super::handle::{Handle, Recording};
 use super::model::{Model, Test};
 use super::relay;
-use crate::logs::log::Flight;
 use crate::logs::report::{self, sweep};
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::test::{Manoeuvre, Stage, fly};
 use crate::vehicle::watch::Watched;
+use flights::log::Flight;
 use tvc_nano::Axis;
 
 /// Arms, releases, disarms, and leaves the figures in `model`.

@@ -31,11 +31,11 @@ use clap::Args;
 use tokio::runtime;
 use tokio::time::sleep;
 
-use crate::arguments::seconds;
 use crate::signals;
 use crate::vehicle::admission::Admission;
 use crate::vehicle::link::Link;
 use crate::vehicle::port::PortOptions;
+use ::report::arguments::seconds;
 use ::report::exit::{BadInput, Verdict};
 use ::report::file::print;
 use auth::{Once, Token};

@@ -9,10 +9,10 @@ use mavlink::dialects::common::{HEARTBEAT_DATA, MavAutopilot, MavMessage};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::logs::log::{Entry, Event, Flight, Log, Step};
 use crate::logs::report;
 use crate::vehicle::param::is_measured;
 use crate::vehicle::watch::FS_HOST;
+use flights::log::{Entry, Event, Flight, Log, Step};
 use tvc_nano::Axis;
 
 /// Releases that are kept.

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::input;
+use report::input;
 
 /// Longest log of a report from the page, bytes: some three hours. Its report takes twice as much
 /// memory.

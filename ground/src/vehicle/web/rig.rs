@@ -72,7 +72,7 @@ pub fn vocabulary() -> Value {
 #[cfg(unix)]
 async fn ask(path: &Path, action: &str) -> Result<Value> {
     use crate::flight::rig::answer;
-    use crate::input::ANSWER;
+    use report::input::ANSWER;
     use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
     use tokio::net::UnixStream;
 

@@ -42,8 +42,8 @@ use super::desk::Desk;
 use super::strangers::Strangers;
 use super::visitor::Visitor;
 use super::{logs, rig, socket};
-use crate::input;
 use crate::vehicle::admission::Admission;
+use report::input;
 
 /// Time for a request's head.
 const HEAD: Duration = Duration::from_secs(2);

@@ -7,8 +7,8 @@ use std::path::Path;
 use client::Wire;
 
 use super::{Outcome, expect, recordings, usable, with_file};
+use flights::log::{self, Flight, Frames, Log, Writer};
 use ground::logs::inspect::{cut, info, recover};
-use ground::logs::log::{self, Flight, Frames, Log, Writer};
 use ground::logs::{replay, report};
 
 /// What takes longer than the rest is done with one log in this many.
@@ -66,7 +66,7 @@ fn as_mcap(bytes: &[u8], log: &Log) -> Outcome {
     let path = with_file(&[], "mcap", |path| path.to_owned());
     let _ = fs::remove_file(&path);
     let written = || -> anyhow::Result<Log> {
-        let mut writer = Writer::create(&path)?;
+        let mut writer = Writer::create(&path, "tvc")?;
         for (time_us, frame) in Frames::of(bytes) {
             writer.write_at(time_us, frame)?;
         }

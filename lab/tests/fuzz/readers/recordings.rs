@@ -6,7 +6,7 @@ use recordings::{Choice, Estimate, FilterName, Mode, Recording, Scalar, Scorer, 
 use tvc_nano::Axis;
 
 use super::{Outcome, expect, usable, with_file};
-use ground::campaign::merge;
+use ::report::campaign::merge;
 use ground::model::{identify, montecarlo};
 use ground::vehicle::calibrate::readings;
 use lab::faults::{self, report, summary, table};

@@ -12,8 +12,9 @@ use client::{Failure, Parameter, Request, Ticket};
 
 use super::super::handle::Ask;
 use super::Session;
-use crate::vehicle::calibrate::write::{POLARITY, SECOND_POLARITY, UNCHECKED, WATCHED};
+use crate::vehicle::calibrate::write::{UNCHECKED, WATCHED};
 use crate::vehicle::watch::{CUT_POWER, FS_HOST};
+use flights::param_file::{POLARITY, SECOND_POLARITY};
 
 /// Time between two attempts to set it.
 const RETRY: Duration = Duration::from_secs(1);

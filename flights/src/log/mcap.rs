@@ -19,7 +19,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use serde_json::{Value, json};
 use tvc_nano::telemetry::CRANKS;
 
-use super::origin::{TOOL, vehicle_build};
+use super::origin::vehicle_build;
 use super::{STAMP, is_from_vehicle, whole_us};
 
 /// How such a file begins.
@@ -155,14 +155,16 @@ pub struct Writer {
     vehicle: Wire,
     clock: Clock,
     transform_due_us: u64,
+    /// What keeps it.
+    tool: String,
     /// What the vehicle said of its build and its parameters, for the metadata at the end.
     build: Option<String>,
     parameters: BTreeMap<String, String>,
 }
 
 impl Writer {
-    /// Begins to write a file.
-    pub fn new(file: File) -> Result<Self, McapError> {
+    /// Begins to write a file, kept by `tool`.
+    pub fn new(file: File, tool: &str) -> Result<Self, McapError> {
         let options = WriteOptions::new()
             .library(concat!("tvc ", env!("CARGO_PKG_VERSION")))
             .chunk_size(Some(CHUNK_BYTES))
@@ -186,6 +188,7 @@ impl Writer {
             vehicle: Wire::default(),
             clock: Clock::default(),
             transform_due_us: 0,
+            tool: tool.to_owned(),
             build: None,
             parameters: BTreeMap::new(),
         })
@@ -212,7 +215,7 @@ impl Writer {
 
     /// Ends the file with its metadata and its index.
     pub fn end(mut self) -> Result<(), McapError> {
-        let mut origin = BTreeMap::from([("written by".to_owned(), TOOL.to_owned())]);
+        let mut origin = BTreeMap::from([("written by".to_owned(), self.tool)]);
         origin.extend(self.build.map(|build| ("vehicle".to_owned(), build)));
         for (name, metadata) in [("origin", origin), ("parameters", self.parameters)] {
             let name = name.to_owned();

@@ -126,12 +126,12 @@ impl Release<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::logs::inspect::tests::flight;
-    use crate::logs::log::Log;
+    use crate::log::Log;
+    use crate::log::tests::flight;
 
     #[test]
     fn a_release_is_named_by_its_number_or_is_the_only_one() {
-        let two = Flight::of(&flight());
+        let two = flight();
         assert_eq!(two.releases().len(), 2);
         let first = two.release(Some(1)).unwrap();
         assert_eq!(first.steps[0].now_us, two.releases()[0].steps[0].now_us);

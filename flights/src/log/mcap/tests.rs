@@ -1,6 +1,7 @@
 //! Files read back with the crate that wrote them.
 
 use super::*;
+use crate::log::tests::TOOL;
 use mavlink::dialects::common::{
     HEARTBEAT_DATA, NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA,
     STATUSTEXT_DATA, SYS_STATUS_DATA,
@@ -71,7 +72,7 @@ fn every_kind() -> Vec<MavMessage> {
 fn written() -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flight.mcap");
-    let mut writer = Writer::new(File::create(&path).unwrap()).unwrap();
+    let mut writer = Writer::new(File::create(&path).unwrap(), TOOL).unwrap();
     let messages = every_kind();
     let last = messages.len() - 1;
     for (index, message) in messages.iter().enumerate() {
@@ -131,7 +132,7 @@ fn frames_come_back_as_they_went_in_and_a_gap_is_told() {
     let bytes = written();
     let (log, error) = frames(&bytes).unwrap();
     assert!(error.is_none());
-    let log = crate::logs::log::Log::parse(&log);
+    let log = crate::log::Log::parse(&log);
     let messages: Vec<_> = log.entries.iter().map(|entry| &entry.message).collect();
     assert_eq!(messages, every_kind().iter().collect::<Vec<_>>());
     assert_eq!(log.entries[7].lost_before, 1);
@@ -146,7 +147,7 @@ fn frames_come_back_as_they_went_in_and_a_gap_is_told() {
 fn a_cut_file_is_read_as_far_as_it_goes() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flight.mcap");
-    let mut writer = Writer::new(File::create(&path).unwrap()).unwrap();
+    let mut writer = Writer::new(File::create(&path).unwrap(), TOOL).unwrap();
     for round in 0..400 {
         for message in every_kind() {
             writer.write(round, &frame(0, &message)).unwrap();
@@ -202,7 +203,7 @@ fn the_vehicles_build_and_parameters_are_metadata() {
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
-    let mut writer = Writer::new(File::create(&path).unwrap()).unwrap();
+    let mut writer = Writer::new(File::create(&path).unwrap(), TOOL).unwrap();
     let version = MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
         flight_sw_version: 0x0001_02FF,
         flight_custom_version: *b"0a1b2c3d",
@@ -235,8 +236,8 @@ fn every_topic_and_field_of_the_layouts_is_in_a_log() {
         };
         TOPICS.iter().flat_map(of_topic).collect()
     };
-    let foxglove = include_str!("../../../../../docs/layouts/foxglove.json");
-    let plotjuggler = include_str!("../../../../../docs/layouts/plotjuggler.xml");
+    let foxglove = include_str!("../../../../docs/layouts/foxglove.json");
+    let plotjuggler = include_str!("../../../../docs/layouts/plotjuggler.xml");
     serde_json::from_str::<Value>(foxglove).unwrap();
     for (layout, separator) in [(foxglove, "."), (plotjuggler, "/")] {
         let (fields, mut named) = (fields(separator), 0);

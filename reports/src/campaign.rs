@@ -14,11 +14,11 @@ use recordings::Lines;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use crate::exit::{BadInput, Verdict};
+use crate::file::write_table;
 use crate::input;
-use report::exit::{BadInput, Verdict};
-use report::file::write_table;
-use report::kind::{self, Kind};
-use report::measure::Figures;
+use crate::kind::{self, Kind};
+use crate::measure::Figures;
 
 /// How runs are carried out.
 #[derive(Debug, Args)]

@@ -40,6 +40,7 @@ fn times(file: &mut File, from: u64) -> Option<impl Iterator<Item = u64>> {
 #[cfg(test)]
 mod tests {
     use super::super::Writer;
+    use super::super::tests::TOOL;
     use super::*;
     use client::{Wire, request};
 
@@ -47,7 +48,7 @@ mod tests {
     fn the_ends_of_a_long_log_are_found() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("long.tlog");
-        let mut writer = Writer::create(&path).unwrap();
+        let mut writer = Writer::create(&path, TOOL).unwrap();
         let mut station = Wire::default();
         for count in 0..2000 {
             let frame = station.frame(&request::heartbeat());
@@ -59,7 +60,7 @@ mod tests {
         std::fs::write(&path, "no log").unwrap();
         assert_eq!(span_us(&path), None);
         assert_eq!(span_us(&folder.path().join("none.tlog")), None);
-        let mut writer = Writer::create(&folder.path().join("late.tlog")).unwrap();
+        let mut writer = Writer::create(&folder.path().join("late.tlog"), TOOL).unwrap();
         let frame = station.frame(&request::heartbeat());
         writer.write_at(5_000_000, &frame).unwrap();
         writer.write_at(2_409_919_804_339_800_000, &frame).unwrap();

@@ -1,17 +1,21 @@
-//! Figures that a flight on the rig and the log of a vehicle have in common.
+//! Figures of a release, on the rig or in a log, held to what is required.
 
 use client::LinkCounts;
 use plant::StepResponse;
 use rig::measure::Spread;
 
-use super::requirements;
+use crate::log::Release;
+use crate::requirements;
 use report::measure::{Figure, Limit, figure};
 use rig::ServoKind;
+use tvc_nano::{Axis, Params};
 
 /// Settling band, share of the start.
 const BAND: f64 = 0.05;
 /// Half the width that the settling band has at least in a picture, deg.
 const LEAST_BAND_DEG: f64 = 0.2;
+/// Tilt from which on a vehicle with two axes counts as tilted about one of them, rad.
+const TILTED_RAD: f64 = 0.05;
 
 /// One release of the drone, by its pitch.
 #[derive(Clone, Debug)]
@@ -96,4 +100,32 @@ pub fn telemetry(counts: LinkCounts) -> Figure {
 /// Half the settling band of a start as a picture shows it, deg.
 pub fn settling_band_deg(start_rad: f64) -> f64 {
     (BAND * start_rad.abs()).to_degrees().max(LEAST_BAND_DEG)
+}
+
+/// The servo that firmware parameters are for, by their frame rate.
+pub fn servo(params: &Params) -> ServoKind {
+    if params.srv_rate_hz() >= ServoKind::Digital.frame_hz() {
+        ServoKind::Digital
+    } else {
+        ServoKind::S3003
+    }
+}
+
+/// The response of an axis to the release, if its set point rested; one that begins on it is none,
+/// nor is that of a vehicle with two axes which was tilted about the other.
+pub fn response(release: &Release, axis: Axis) -> Option<Run> {
+    let set_rad = release.set_rad(axis);
+    let target = set_rad[0];
+    if set_rad.iter().any(|set| *set != target) {
+        return None;
+    }
+    let response = StepResponse::new(release.motion(axis), target).ok()?;
+    if release.axes().len() > 1 && response.initial_error().abs() < TILTED_RAD {
+        return None;
+    }
+    Some(Run::new(
+        response.initial_error(),
+        &response,
+        release.stayed,
+    ))
 }

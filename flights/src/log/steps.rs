@@ -41,7 +41,6 @@ pub struct Step {
 
 impl Step {
     /// Level and at rest, with a sample of the same time: what tests begin with.
-    #[cfg(test)]
     pub fn level(now_us: u64) -> Self {
         Self {
             now_us,
@@ -254,7 +253,7 @@ impl Flight {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::logs::log::Entry;
+    use crate::log::Entry;
     use mavlink::dialects::common::RAW_IMU_DATA;
 
     fn attitude() -> MavMessage {

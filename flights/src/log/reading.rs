@@ -8,8 +8,8 @@ use anyhow::Result;
 use client::{LinkCounts, Wire};
 
 use super::{Entry, Frames, MCAP_MAGIC, is_from_vehicle, unpacked, unreadable};
-use crate::input;
 use report::exit::BadInput;
+use report::input;
 
 /// Bytes that are read at a time.
 const PIECE: usize = 64 << 10;
@@ -160,15 +160,15 @@ pub fn checked(counts: LinkCounts, path: &Path) -> Result<LinkCounts> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::logs::inspect::tests::{flight, write};
-    use crate::logs::log::Log;
+    use crate::log::tests::{TOOL, flight};
+    use crate::log::{Log, write_flight};
 
     /// Whatever stands between the frames, and wherever a piece ends.
     #[test]
     fn a_log_in_pieces_is_the_same_log() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.tlog");
-        write(&flight(), &path);
+        write_flight(&flight(), &path, TOOL).unwrap();
         let mut bytes = std::fs::read(&path).unwrap();
         bytes.splice(600..600, [0xFD; 40]);
         bytes.splice(100..100, *b"stray");

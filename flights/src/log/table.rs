@@ -70,7 +70,7 @@ fn text(flight: &Flight) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::logs::log::Step;
+    use crate::log::Step;
     use tvc_nano::{Micros, RawSample};
 
     #[test]

@@ -12,9 +12,14 @@ use anyhow::Result;
 use client::Parameter;
 use tvc_nano::Params;
 
-use crate::input;
-use crate::vehicle::calibrate::write::{POLARITY, SECOND_POLARITY};
 use report::exit::BadInput;
+use report::input;
+
+/// Whether a person has seen the rudder answer a tilt the right way. The vehicle forgets it where
+/// another parameter that decides about it changes.
+pub const POLARITY: &str = "SRV_POLARITY";
+/// The same of the second rudder, where roll is steered.
+pub const SECOND_POLARITY: &str = "SRV2_POLARITY";
 
 /// What is said where a file names a polarity.
 pub const NO_POLARITY: &str = "polarity is not taken from a file: tvc calibrate polarity";

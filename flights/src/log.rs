@@ -25,12 +25,12 @@ use serde::Serialize;
 use tempfile::TempPath;
 use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 
-use crate::input;
 use report::exit::BadInput;
 use report::file;
+use report::input;
 
 pub use mcap::MAGIC as MCAP_MAGIC;
-pub use origin::{Origin, TOOL, vehicle_build};
+pub use origin::{Origin, vehicle_build};
 pub use reading::each_message;
 use reading::{Decoder, checked, each_frame};
 pub use release::Release;
@@ -72,15 +72,15 @@ enum Form {
 }
 
 impl Writer {
-    /// Begins a new log of what happens now; an old one is not overwritten. What was written
-    /// survives the end of this program.
+    /// Begins a new log of what happens now, kept by `tool`; an old one is not overwritten. What
+    /// was written survives the end of this program.
     ///
     /// # Errors
     /// [`BadInput`] if the file is there already or cannot be made.
-    pub fn create(path: &Path) -> Result<Self> {
+    pub fn create(path: &Path, tool: &str) -> Result<Self> {
         let file = File::create_new(path).map_err(|error| unwritable(path, &error))?;
         let place = Place(path.to_owned());
-        let writer = Self::of(path, file, None)?;
+        let writer = Self::of(path, tool, file, None)?;
         Ok(Self {
             _place: Some(place),
             ..writer
@@ -92,19 +92,20 @@ impl Writer {
     ///
     /// # Errors
     /// As [`create`](Self::create).
-    pub fn whole(path: &Path) -> Result<Self> {
+    pub fn whole(path: &Path, tool: &str) -> Result<Self> {
         let refuse = |error| unwritable(path, &error);
         if path.exists() {
             return Err(refuse(ErrorKind::AlreadyExists.into()).into());
         }
         let (file, beside) = file::beside(path).map_err(refuse)?.into_parts();
-        Self::of(path, file, Some(beside))
+        Self::of(path, tool, file, Some(beside))
     }
 
-    fn of(path: &Path, file: File, beside: Option<TempPath>) -> Result<Self> {
+    fn of(path: &Path, tool: &str, file: File, beside: Option<TempPath>) -> Result<Self> {
         let form = if has_extension(path, "mcap") {
             Form::Mcap(Box::new(
-                mcap::Writer::new(file).with_context(|| format!("writing {}", path.display()))?,
+                mcap::Writer::new(file, tool)
+                    .with_context(|| format!("writing {}", path.display()))?,
             ))
         } else {
             Form::Tlog(BufWriter::new(file))
@@ -257,13 +258,13 @@ impl Log {
 ///
 /// # Errors
 /// [`BadInput`] if `from` is no log, or `to` is there already as a log or has no such form.
-pub fn convert(from: &Path, to: &Path) -> Result<Content> {
+pub fn convert(from: &Path, to: &Path, tool: &str) -> Result<Content> {
     if Output::of(to)? == Output::Table {
         let flight = Flight::read(from)?;
         write_csv(&flight, to)?;
         return Ok(Content::Steps(flight.steps().count()));
     }
-    let mut writer = Writer::whole(to)?;
+    let mut writer = Writer::whole(to, tool)?;
     let (mut decoder, mut messages) = (Decoder::default(), 0);
     let stray_bytes = each_frame(from, |time_us, frame| {
         decoder.take(time_us, frame, &mut |_| messages += 1);
@@ -288,7 +289,7 @@ pub enum Content {
 ///
 /// # Errors
 /// As [`convert`].
-pub fn write_flight(flight: &Flight, to: &Path) -> Result<()> {
+pub fn write_flight(flight: &Flight, to: &Path, tool: &str) -> Result<()> {
     if Output::of(to)? == Output::Table {
         return write_csv(flight, to);
     }
@@ -299,7 +300,7 @@ pub fn write_flight(flight: &Flight, to: &Path) -> Result<()> {
     };
     let time_us = |step: Option<&Step>| step.map_or(0, |step| step.now_us);
     let begin_us = now_us().saturating_sub(time_us(flight.steps().last()));
-    let mut writer = Writer::whole(to)?;
+    let mut writer = Writer::whole(to, tool)?;
     // Events before the first step get the first step's time.
     let mut at_us = time_us(flight.steps().next());
     let mut sequence = 0;
@@ -452,6 +453,26 @@ mod tests {
     use super::*;
     use client::request;
 
+    /// What writes the logs of the tests.
+    pub const TOOL: &str = "tvc 0.1.0 01234567";
+
+    /// A second between two steps: standby at 0 s, active from 3 to 6 s and again from 8 s on.
+    pub fn flight() -> Flight {
+        let events = (0..10).flat_map(|second| {
+            let state = match second {
+                0 | 6 => Some(2),
+                3 | 8 => Some(4),
+                _ => None,
+            };
+            let step = Event::Step(Step::level(second * 1_000_000));
+            state.map(Event::State).into_iter().chain([step])
+        });
+        Flight {
+            events: events.collect(),
+            ..Flight::default()
+        }
+    }
+
     /// Wherever a piece is missing, all of its frames count as lost.
     #[test]
     fn a_log_without_its_middle_says_how_much_is_missing() {
@@ -489,7 +510,7 @@ mod tests {
     fn what_is_written_is_read_and_a_cut_end_is_passed_over() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flight.tlog");
-        let mut writer = Writer::create(&path).unwrap();
+        let mut writer = Writer::create(&path, TOOL).unwrap();
         let mut station = Wire::default();
         for time in [5, 1_000_000] {
             writer
@@ -505,7 +526,7 @@ mod tests {
         assert!(log.entries.iter().all(|entry| !entry.from_vehicle));
         assert_eq!(Log::parse(&bytes[..bytes.len() - 3]).entries.len(), 1);
         assert!(Log::read(&path).is_err(), "no vehicle in it");
-        assert!(Writer::create(&path).is_err(), "not overwritten");
+        assert!(Writer::create(&path, TOOL).is_err(), "not overwritten");
     }
 
     #[cfg(target_os = "linux")]
@@ -513,7 +534,7 @@ mod tests {
     fn a_log_that_comes_to_nothing_leaves_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
-        drop(Writer::create(&path("empty.tlog")).unwrap());
+        drop(Writer::create(&path("empty.tlog"), TOOL).unwrap());
         assert!(!path("empty.tlog").exists());
         // No disk is as full as this one.
         let full = File::options().write(true).open("/dev/full").unwrap();
@@ -521,12 +542,12 @@ mod tests {
         let place = Place(path("full.tlog"));
         let mut writer = Writer {
             _place: Some(place),
-            ..Writer::of(&path("full.tlog"), full, None).unwrap()
+            ..Writer::of(&path("full.tlog"), TOOL, full, None).unwrap()
         };
         writer.write(b"frame").unwrap();
         assert!(writer.end().is_err());
         assert!(!path("full.tlog").exists());
-        let mut writer = Writer::create(&path("a.tlog")).unwrap();
+        let mut writer = Writer::create(&path("a.tlog"), TOOL).unwrap();
         writer.write(b"frame").unwrap();
         drop(writer);
         assert!(path("a.tlog").exists());
@@ -560,7 +581,7 @@ mod tests {
     fn a_log_is_the_same_in_both_forms() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name| folder.path().join(name);
-        let mut writer = Writer::create(&path("a.tlog")).unwrap();
+        let mut writer = Writer::create(&path("a.tlog"), TOOL).unwrap();
         let header = mavlink::MavHeader {
             system_id: SYSTEM_ID.into(),
             component_id: COMPONENT_ID,
@@ -575,15 +596,15 @@ mod tests {
             writer.write_at(time + 1, &order).unwrap();
         }
         writer.end().unwrap();
-        convert(&path("a.tlog"), &path("b.MCAP")).unwrap();
-        convert(&path("b.MCAP"), &path("c.tlog")).unwrap();
+        convert(&path("a.tlog"), &path("b.MCAP"), TOOL).unwrap();
+        convert(&path("b.MCAP"), &path("c.tlog"), TOOL).unwrap();
         let read = |name| std::fs::read(path(name)).unwrap();
         assert!(read("b.MCAP").starts_with(mcap::MAGIC));
         assert_eq!(read("a.tlog"), read("c.tlog"));
         assert_eq!(Log::read(&path("b.MCAP")).unwrap().entries.len(), 4);
-        assert!(convert(&path("a.tlog"), &path("c.tlog")).is_err());
-        assert!(convert(&path("a.tlog"), &path("d.txt")).is_err());
-        convert(&path("a.tlog"), &path("d.csv")).unwrap();
+        assert!(convert(&path("a.tlog"), &path("c.tlog"), TOOL).is_err());
+        assert!(convert(&path("a.tlog"), &path("d.txt"), TOOL).is_err());
+        convert(&path("a.tlog"), &path("d.csv"), TOOL).unwrap();
         assert!(read("d.csv").starts_with(b"time_us,"));
     }
 }
