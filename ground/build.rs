@@ -10,9 +10,10 @@ use std::{env, fs};
 use image_build::{BuildError, Builder, FIRMWARE_SOURCES, Source, Toolchain, build_id};
 
 /// Folders of what the tool itself is made from, and what it computes with.
-const TOOL_SOURCES: [&str; 9] = [
+const TOOL_SOURCES: [&str; 10] = [
     "calibration/src",
     "client/src",
+    "design/src",
     "flights/src",
     "ground/src",
     "plant/src",

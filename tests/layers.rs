@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A layer: what it is, where it lies, and the names that do not stand in it.
-const LAYERS: [(&str, &[&str], &[&str]); 9] = [
+const LAYERS: [(&str, &[&str], &[&str]); 10] = [
     (
         "one file of the firmware chooses the sensor",
         &["src"],
@@ -74,6 +74,11 @@ const LAYERS: [(&str, &[&str], &[&str]); 9] = [
         "a driver uses what sensors share, and no more of ours",
         &["bno055-driver/src"],
         &["tvc_nano", "tvc_fusion", "tvc_pid", "rig::"],
+    ),
+    (
+        "design and logs talk to no vehicle",
+        &["design/src", "flights/src"],
+        &["Client", "GroundStation", "serialport"],
     ),
     (
         "what commands share knows no vehicle and no rig",

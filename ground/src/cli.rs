@@ -6,7 +6,6 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::filters::fuse::Fuse;
 use crate::flight::{fly::Fly, rig::Rig};
 use crate::logs::{inspect::LogCommand, replay::Replay, report::Report};
-use crate::model::{Model, identify::Identify, montecarlo::MonteCarlo, tune::Tune};
 use crate::shell::{Completions, Man};
 use crate::vehicle::arm::Operate;
 use crate::vehicle::bringup::Bringup;
@@ -20,6 +19,7 @@ use crate::vehicle::record::Record;
 use crate::vehicle::release::Release;
 use crate::vehicle::test::Test;
 use crate::vehicle::web::Web;
+use design::{identify::Identify, model::Model, montecarlo::MonteCarlo, tune::Tune};
 
 /// Version of the tool, and what tells builds of it apart: a sum over its sources and the image's.
 const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " ", env!("TVC_TOOL_BUILD"));

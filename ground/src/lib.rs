@@ -17,7 +17,6 @@ pub mod filters;
 pub mod flight;
 pub mod image;
 pub mod logs;
-pub mod model;
 mod renamed;
 pub mod shell;
 pub mod signals;
@@ -72,10 +71,10 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Fly(options) => flight::fly::run(&options),
         Command::Fuse(options) => filters::fuse::run(&options),
         Command::Flash(options) => vehicle::flash::run(&options),
-        Command::Model(options) => model::run(&options),
-        Command::Identify(options) => model::identify::run(&options),
-        Command::Tune(options) => model::tune::run(&options),
-        Command::MonteCarlo(options) => model::montecarlo::run(&options),
+        Command::Model(options) => design::model::run(&options),
+        Command::Identify(options) => design::identify::run(&options),
+        Command::Tune(options) => design::tune::run(&options),
+        Command::MonteCarlo(options) => design::montecarlo::run(&options),
         Command::Rig(options) => flight::rig::run(&options),
         Command::Info(options) => vehicle::info::run(&options),
         Command::Bringup(options) => vehicle::bringup::run(&options),

@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 use super::readers::READERS;
 
 /// Folders of what the tool is made of.
-const FOLDERS: [&str; 9] = [
+const FOLDERS: [&str; 10] = [
     "calibration/src",
     "client/src",
+    "design/src",
     "flights/src",
     "ground/src",
     "lab/src",

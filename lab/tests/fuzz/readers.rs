@@ -85,7 +85,7 @@ pub const READERS: &[Reader] = &[
         times: 100,
         read: recordings::table,
         sources: &[
-            "ground/src/model/identify.rs",
+            "design/src/identify.rs",
             "ground/src/vehicle/calibrate/readings.rs",
         ],
     },
@@ -168,7 +168,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: 512 * KIB,
         times: 100,
         read: files::scenario,
-        sources: &["ground/src/model/mod.rs", "plant/src/scenario/mod.rs"],
+        sources: &["design/src/model/mod.rs", "plant/src/scenario/mod.rs"],
     },
     Reader {
         name: "drone",
@@ -177,7 +177,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: 4 * MIB,
         times: 100,
         read: files::drone,
-        sources: &["plant/src/setup.rs", "ground/src/model/control_law.rs"],
+        sources: &["plant/src/setup.rs", "design/src/control_law.rs"],
     },
     Reader {
         name: "case",
@@ -186,7 +186,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: 2 * MIB,
         times: 100,
         read: files::case,
-        sources: &["ground/src/model/montecarlo/case.rs"],
+        sources: &["design/src/montecarlo/case.rs"],
     },
     Reader {
         name: "action",

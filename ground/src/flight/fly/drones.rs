@@ -21,7 +21,7 @@ use tvc_nano::Axis;
 use super::flights::{FLIGHT_S, START_RATE_RAD_S, STARTS_RAD};
 use super::{Flying, since, told};
 use crate::flight::vehicle::VehicleKind;
-use crate::model::control_law;
+use design::control_law;
 use flights::requirements;
 use report::campaign::carry_out;
 use report::distribution::Distribution;

@@ -21,10 +21,10 @@ use rig::flight::{FlightRecord, Setup};
 use samd21::board::Ticks;
 
 use crate::flight::vehicle::VehicleKind;
-use crate::model::control_law;
 use ::report::exit::Verdict;
 use ::report::measure::Figures;
 use ::report::page::{page, verdicts};
+use design::control_law;
 use figures::Emulation;
 pub use options::{Fly, start_angle};
 

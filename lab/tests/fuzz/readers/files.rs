@@ -9,10 +9,10 @@ use rig::action::Action;
 use rig::bench::Hardware;
 
 use super::{Outcome, expect};
+use design::montecarlo::Case;
 use flights::param_file;
 use ground::config::Config;
 use ground::flight::fly::faults;
-use ground::model::montecarlo::Case;
 use ground::vehicle::signing::Signing;
 
 /// Text in one of this many cases is also computed with, where that takes longer than reading.

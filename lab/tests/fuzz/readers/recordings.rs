@@ -7,7 +7,7 @@ use tvc_nano::Axis;
 
 use super::{Outcome, expect, usable, with_file};
 use ::report::campaign::merge;
-use ground::model::{identify, montecarlo};
+use design::{identify, montecarlo};
 use ground::vehicle::calibrate::readings;
 use lab::faults::{self, report, summary, table};
 

@@ -1,13 +1,8 @@
 //! `tvc model`: the drone's physics, simulated and made linear.
 
-mod ascent;
-pub mod control_law;
-pub mod identify;
 mod linear;
-pub mod montecarlo;
 mod options;
 mod simulate;
-pub mod tune;
 mod what_if;
 
 use std::path::Path;

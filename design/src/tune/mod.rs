@@ -16,7 +16,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rig::ServoKind;
 use tvc_nano::Params;
 
-use crate::model::control_law;
+use crate::control_law;
 use flights::param_file;
 use report::exit::Verdict;
 use report::file::write_whole;

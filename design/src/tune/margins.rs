@@ -13,7 +13,7 @@ use plant::{ParameterError, Setup};
 use rayon::prelude::*;
 use tvc_nano::Params;
 
-use crate::model::control_law::Law;
+use crate::control_law::Law;
 use report::measure::{Figure, Limit::AtLeast, figure};
 
 /// Step of the model, s.
@@ -193,7 +193,7 @@ mod tests {
     /// A law that has a transfer function, whose margins `tvc model linear` finds.
     #[test]
     fn a_plain_law_has_the_margins_of_its_transfer_function() {
-        let setup = crate::model::control_law::setup(rig::ServoKind::S3003, None).unwrap();
+        let setup = crate::control_law::setup(rig::ServoKind::S3003, None).unwrap();
         let mut params = Params::default();
         for (name, value) in [("PID_LAW", 0.0), ("PID_KP", 1.0), ("PID_KD", 0.3)] {
             params.set(name, value).unwrap();

@@ -9,7 +9,7 @@ use tvc_pid::Gains;
 
 use super::Tune;
 use super::search::{self, CANDIDATES};
-use crate::model::ascent::{self, Law, Outcome};
+use crate::ascent::{self, Law, Outcome};
 use report::exit::Verdict;
 use report::measure::{Figure, Figures, figure, rows};
 

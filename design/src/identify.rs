@@ -12,7 +12,7 @@ use recordings::Lines;
 use rig::ServoKind;
 use tvc_nano::Axis;
 
-use crate::model::control_law;
+use crate::control_law;
 use flights::arguments::AxisName;
 use flights::log::{Flight, Release, Step};
 use report::exit::{BadInput, Verdict};

@@ -12,7 +12,7 @@ use anyhow::Result;
 use plant::dispersion::{self, Campaign, Ranges};
 use plant::pitch_loop::Timing;
 
-use crate::model::control_law::{self, Law};
+use crate::control_law::{self, Law};
 use ::report::campaign;
 use ::report::exit::Verdict;
 use ::report::kind;

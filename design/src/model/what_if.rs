@@ -9,8 +9,8 @@ use plant::pitch_loop::PitchLoop;
 use plant::response::StepResponse;
 use tvc_nano::{Axis, Params};
 
+use crate::control_law::{Law, setup};
 use crate::model::WhatIf;
-use crate::model::control_law::{Law, setup};
 use flights::figures::{Run, response, servo, settling_band_deg};
 use flights::log::{Flight, Release, Step};
 use report::exit::{BadInput, Verdict};

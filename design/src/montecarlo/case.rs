@@ -14,8 +14,8 @@ use tvc_nano::Params;
 use tvc_nano::params::TABLE;
 
 use super::table::Row;
-use crate::model::control_law::Law;
-use crate::model::montecarlo::Rerun;
+use crate::control_law::Law;
+use crate::montecarlo::Rerun;
 use report::campaign::read_run;
 use report::exit::{BadInput, Verdict};
 use report::file::write_whole;

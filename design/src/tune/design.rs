@@ -15,7 +15,7 @@ use tvc_nano::Params;
 use tvc_nano::params::Range;
 
 use super::margins::{self, Margins};
-use crate::model::control_law::Law;
+use crate::control_law::Law;
 use report::distribution::Distribution;
 use report::measure::{Figure, Limit::AtMost, figure};
 
