@@ -181,7 +181,6 @@ pub(crate) fn refuse_to_start(check: SelfCheck) -> ! {
             let _ = time::within(10_000, || false);
             watchdog::hold_off();
         }
-        frame::wait_for_gap();
     }
     usb::enter_bootloader()
 }

@@ -436,7 +436,7 @@ fn begins() -> bool {
 }
 
 /// Wait until all pulses of a frame are over, so that a reset cuts none: 23 ms at most.
-pub(crate) fn wait_for_gap() {
+fn wait_for_gap() {
     let _ = begins();
     time::delay_us(LONGEST_PULSE_US);
 }
