@@ -6,7 +6,7 @@
 //!
 //! | what | is compared |
 //! |---|---|
-//! | state | before a step, before a packet of the host, before a save |
+//! | state | before a step, before a packet of the host, before parameters are loaded |
 //! | settings | behind the write of a step's pulses and before their edge, before a packet, before a save |
 
 use crate::flight::Flight;

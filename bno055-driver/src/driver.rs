@@ -194,9 +194,10 @@ impl Driver {
         };
         let behind_failure = sampling.silent_since.is_some();
         // Rates of -1 on all axes come every few seconds at rest, but not behind a lost burst.
-        let chance = match behind_failure {
-            false => sample::RATES.into(),
-            true => 0,
+        let chance = if behind_failure {
+            0
+        } else {
+            sample::RATES.into()
         };
         let judged = match received(outcome, chance) {
             Ok(bytes) => {

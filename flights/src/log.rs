@@ -11,22 +11,19 @@ mod release;
 mod span;
 mod steps;
 mod table;
+mod writer;
 
-use std::fs::File;
-use std::io::{BufWriter, ErrorKind, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use client::{LinkCounts, Wire};
 use mavlink::dialects::common::MavMessage;
 use mavlink::{MAVLinkV2MessageRaw, MavHeader};
 use serde::Serialize;
-use tempfile::TempPath;
 use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 
 use report::exit::BadInput;
-use report::file;
 use report::input;
 
 pub use mcap::MAGIC as MCAP_MAGIC;
@@ -37,153 +34,12 @@ pub use release::Release;
 pub use span::span_us;
 pub use steps::{Event, Flight, Step};
 pub use table::write_csv;
+pub use writer::Writer;
 
 /// Bytes of time before a frame.
 const STAMP: usize = 8;
 /// Where a frame has the number of the system that sent it.
 pub const SYSTEM_AT: usize = 5;
-
-/// A log that is being written.
-pub struct Writer {
-    form: Form,
-    path: PathBuf,
-    /// Where it stands until it is whole, if it may not stand in its place before.
-    beside: Option<TempPath>,
-    /// Dropped behind the file.
-    _place: Option<Place>,
-}
-
-/// The place of a log that is written there from its beginning on. One that has come to nothing
-/// leaves no file.
-struct Place(PathBuf);
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        if std::fs::metadata(&self.0).is_ok_and(|log| log.len() == 0) {
-            // What stays is an empty file.
-            let _ = std::fs::remove_file(&self.0);
-        }
-    }
-}
-
-enum Form {
-    Tlog(BufWriter<File>),
-    Mcap(Box<mcap::Writer>),
-}
-
-impl Writer {
-    /// Begins a new log of what happens now, kept by `tool`; an old one is not overwritten. What
-    /// was written survives the end of this program.
-    ///
-    /// # Errors
-    /// [`BadInput`] if the file is there already or cannot be made.
-    pub fn create(path: &Path, tool: &str) -> Result<Self> {
-        let file = File::create_new(path).map_err(|error| unwritable(path, &error))?;
-        let place = Place(path.to_owned());
-        let writer = Self::of(path, tool, file, None)?;
-        Ok(Self {
-            _place: Some(place),
-            ..writer
-        })
-    }
-
-    /// Begins a new log that is made of something which is there already: it takes its place when
-    /// it is ended, and is nowhere otherwise, since a part would pass for a whole.
-    ///
-    /// # Errors
-    /// As [`create`](Self::create).
-    pub fn whole(path: &Path, tool: &str) -> Result<Self> {
-        let refuse = |error| unwritable(path, &error);
-        if path.exists() {
-            return Err(refuse(ErrorKind::AlreadyExists.into()).into());
-        }
-        let (file, beside) = file::beside(path).map_err(refuse)?.into_parts();
-        Self::of(path, tool, file, Some(beside))
-    }
-
-    fn of(path: &Path, tool: &str, file: File, beside: Option<TempPath>) -> Result<Self> {
-        let form = if has_extension(path, "mcap") {
-            Form::Mcap(Box::new(
-                mcap::Writer::new(file, tool)
-                    .with_context(|| format!("writing {}", path.display()))?,
-            ))
-        } else {
-            Form::Tlog(BufWriter::new(file))
-        };
-        Ok(Self {
-            form,
-            path: path.to_owned(),
-            beside,
-            _place: None,
-        })
-    }
-
-    /// Keeps a frame with the present time.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn write(&mut self, frame: &[u8]) -> Result<()> {
-        self.write_at(now_us(), frame)
-    }
-
-    /// Keeps a frame with a time, us since 1970.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn write_at(&mut self, time_us: u64, frame: &[u8]) -> Result<()> {
-        let written = match &mut self.form {
-            Form::Tlog(file) => file
-                .write_all(&time_us.to_be_bytes())
-                .and_then(|()| file.write_all(frame))
-                .map_err(anyhow::Error::from),
-            Form::Mcap(file) => file.write(time_us, frame).map_err(anyhow::Error::from),
-        };
-        written.with_context(|| format!("writing {}", self.path.display()))
-    }
-
-    /// Hands what was written so far to the system, so that it survives the end of this program. An
-    /// MCAP file keeps back the chunk that it is filling.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn flush(&mut self) -> Result<()> {
-        match &mut self.form {
-            Form::Tlog(file) => file
-                .flush()
-                .with_context(|| format!("writing {}", self.path.display())),
-            Form::Mcap(_) => Ok(()),
-        }
-    }
-
-    /// Ends the log.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn end(mut self) -> Result<()> {
-        self.flush()?;
-        let writing = || format!("writing {}", self.path.display());
-        if let Form::Mcap(file) = self.form {
-            file.end().with_context(writing)?;
-        }
-        let Some(beside) = self.beside else {
-            return Ok(());
-        };
-        let placed =
-            file::for_everybody(&beside).and_then(|()| Ok(beside.persist_noclobber(&self.path)?));
-        Ok(placed.map_err(|error| unwritable(&self.path, &error))?)
-    }
-}
-
-/// Why there is no such log.
-fn unwritable(path: &Path, error: &std::io::Error) -> BadInput {
-    let path = path.display();
-    BadInput::new(match error.kind() {
-        ErrorKind::AlreadyExists => {
-            format!("{path} is there already: give the log another name")
-        }
-        _ => format!("cannot write {path}: {error}"),
-    })
-}
 
 /// A message of a log.
 #[derive(Clone, Debug, PartialEq)]
@@ -527,30 +383,6 @@ mod tests {
         assert_eq!(Log::parse(&bytes[..bytes.len() - 3]).entries.len(), 1);
         assert!(Log::read(&path).is_err(), "no vehicle in it");
         assert!(Writer::create(&path, TOOL).is_err(), "not overwritten");
-    }
-
-    #[cfg(target_os = "linux")]
-    #[test]
-    fn a_log_that_comes_to_nothing_leaves_no_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = |name: &str| folder.path().join(name);
-        drop(Writer::create(&path("empty.tlog"), TOOL).unwrap());
-        assert!(!path("empty.tlog").exists());
-        // No disk is as full as this one.
-        let full = File::options().write(true).open("/dev/full").unwrap();
-        File::create(path("full.tlog")).unwrap();
-        let place = Place(path("full.tlog"));
-        let mut writer = Writer {
-            _place: Some(place),
-            ..Writer::of(&path("full.tlog"), TOOL, full, None).unwrap()
-        };
-        writer.write(b"frame").unwrap();
-        assert!(writer.end().is_err());
-        assert!(!path("full.tlog").exists());
-        let mut writer = Writer::create(&path("a.tlog"), TOOL).unwrap();
-        writer.write(b"frame").unwrap();
-        drop(writer);
-        assert!(path("a.tlog").exists());
     }
 
     #[test]

@@ -300,9 +300,11 @@ impl SystemFault {
                     // A host that gives orders is a kind of its own: what it leads to is no fault.
                     // Two resets at once are a double tap, which asks for the bootloader. The
                     // watchdog alone ends a hang with interrupts held off.
-                    let unguarded = [SystemKind::HangMasked, SystemKind::WatchdogRegister];
-                    let is_unguarded = unguarded.contains(&kind)
-                        && unguarded.iter().any(|other| self.kinds.contains(other));
+                    let is_unguarded = self.kinds.contains(&match kind {
+                        SystemKind::HangMasked => SystemKind::WatchdogRegister,
+                        SystemKind::WatchdogRegister => SystemKind::HangMasked,
+                        _ => SystemKind::Several,
+                    });
                     if !kind.commands() && !is_unguarded && (resets <= 1 || !kind.resets()) {
                         self.add(kind, ready, dice)?;
                     }
