@@ -73,10 +73,11 @@ const TABLE: [Register; 43] = [
     Register::new(TCC0 + 0x38, Width::Half).stops(),
     word(TCC0 + 0x3C).stops(),
     word(TCC0 + 0x30).bits(0xF069).stops(),
-    // The watchdog: ENABLE and WEN, PER, EWOFFSET; INTENSET.EW. The brown-out detector.
+    // The watchdog: ENABLE and WEN, PER, EWOFFSET; INTENSET.EW.
     word(WDT).bits(0x000F_0F06).stops(),
     byte(WDT + 5).bits(1).stops(),
-    word(0x4000_0834).stops(),
+    // The brown-out detector (BOD33).
+    word(0x4000_0834),
     DIVIDERS,
     // AHBMASK and APBxMASK.
     word(PM + 0x14),
