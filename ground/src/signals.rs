@@ -1,7 +1,7 @@
 //! Ctrl-C, so that a command that runs until then ends with its files whole.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Context, Result};
 
@@ -13,7 +13,7 @@ pub fn on_signal() -> Result<&'static AtomicBool> {
     Ok(&STOP)
 }
 
-/// Whether a command that began then shall end: it was told to, or `longest` is over.
-pub fn asked(flag: &AtomicBool, begun: Instant, longest: Option<Duration>) -> bool {
-    flag.load(Ordering::Relaxed) || longest.is_some_and(|most| begun.elapsed() >= most)
+/// Whether a command that has lasted so long shall end: it was told to, or `longest` is over.
+pub fn asked(flag: &AtomicBool, lasted: Duration, longest: Option<Duration>) -> bool {
+    flag.load(Ordering::Relaxed) || longest.is_some_and(|most| lasted >= most)
 }

@@ -20,7 +20,7 @@
 //! | [`mod@bench`] | sensor, servo, drone, clamp; what disturbs them ([`disturbance`]); the sensor moved by hand ([`sensor_motion`]) |
 //! | [`bno055`] | the sensor at register level, with its faults |
 //! | [`observe`] | what really happened ([`ground_truth`]), and timing figures of it ([`measure`]) |
-//! | [`fly`] | flights ([`flight`]), campaigns of faults ([`faults`]), recordings through the image ([`replay`]), the person at the rig ([`pilot`]) and what is done by hand ([`action`]), and on Unix real time behind a pseudo-terminal (`real_time`, `pty`) with a socket for actions (`control`) |
+//! | [`fly`] | flights ([`flight`]), campaigns of faults ([`faults`]), recordings through the image ([`replay`]), the person at the rig ([`pilot`], [`attended`]) and what is done by hand ([`action`]), and on Unix real time behind a pseudo-terminal (`real_time`, `pty`) with a socket for actions (`control`) |
 //! | [`ground_station`] | the MAVLink client at the USB port |
 
 #![forbid(unsafe_code)]
@@ -39,7 +39,7 @@ mod rig;
 
 pub use bench::{disturbance, sensor_motion};
 pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, fly_at_once, prepare};
-pub use fly::{action, faults, flight, pilot, profile, replay, rocket};
+pub use fly::{action, attended, faults, flight, pilot, profile, replay, rocket};
 #[cfg(unix)]
 pub use fly::{control, pty, real_time};
 pub use ground_station::GroundStation;

@@ -154,6 +154,17 @@ impl Rig {
         Ok(rig)
     }
 
+    /// The flash in which the image keeps parameters.
+    pub fn stored(&self) -> &[u8] {
+        let start = store::STORE_ADDRESS as usize;
+        &self.chip.flash()[start..start + store::STORE_BYTES]
+    }
+
+    /// Puts back what [`stored`](Self::stored) gave, before the image looks at it.
+    pub fn load_stored(&mut self, bytes: &[u8; store::STORE_BYTES]) {
+        self.chip.load_flash(store::STORE_ADDRESS, bytes);
+    }
+
     /// Time since power-on.
     pub fn now(&self) -> Ticks {
         self.chip.now()

@@ -1,14 +1,17 @@
 //! `tvc rig`: the virtual rig in real time, for every program that opens a serial port, and a
-//! socket beside that port for what is done by hand.
+//! socket beside that port for what is done by hand. In this process ([`here`]) it is a way to the
+//! vehicle for every command.
 
+pub mod here;
 pub mod tell;
 
 use std::path::{Path, PathBuf};
 
 use ::rig::ServoKind;
+use ::rig::attended::Attended;
 use ::rig::bench::VehicleConfig;
 use ::rig::bno055::ImuErrors;
-use ::rig::pilot::Manner;
+use ::rig::pilot::{Manner, Pilot};
 use anyhow::Result;
 use clap::{Args, Subcommand, ValueEnum};
 
@@ -21,6 +24,8 @@ use report::arguments::seconds;
 use report::exit::{BadInput, Verdict};
 #[cfg(unix)]
 use report::file::print;
+use report::file::write_whole;
+use report::input;
 
 /// Options of `tvc rig`.
 #[derive(Debug, Args)]
@@ -50,6 +55,22 @@ pub struct Rig {
     #[arg(long, required = true)]
     pub pty: bool,
 
+    /// What the rig is like.
+    #[command(flatten)]
+    pub choice: RigChoice,
+
+    /// Make this path a symbolic link to the pseudo-terminal, removed at the end.
+    #[arg(long, value_name = "PATH")]
+    pub link: Option<PathBuf>,
+
+    /// End by itself after this many seconds.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub seconds: Option<f64>,
+}
+
+/// What a rig is like.
+#[derive(Clone, Debug, Args)]
+pub struct RigChoice {
     /// The servo on the rig; the firmware's SRV_RATE_HZ stays at 50 until it is set.
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
     pub servo: ServoKind,
@@ -83,9 +104,14 @@ pub struct Rig {
     #[arg(long, value_enum, default_value_t = Manner::Steady)]
     pub hand: Manner,
 
-    /// How many times as fast as real time (0.1 to 20).
-    #[arg(long, value_name = "TIMES", default_value_t = 1.0, value_parser = speed)]
-    pub speed: f64,
+    /// How many times as fast as real time (0.1 to 20) [default: 1, and with --rig as fast as it
+    /// can where nobody watches].
+    #[arg(long, value_name = "TIMES", value_parser = speed)]
+    pub speed: Option<f64>,
+
+    /// Keep here what the vehicle stores, from one run to the next.
+    #[arg(long, value_name = "FILE.bin")]
+    pub memory: Option<PathBuf>,
 
     /// Lateral offset of the drone's mass, forward, in mm (-30 to 30).
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true, value_parser = offset)]
@@ -107,14 +133,6 @@ pub struct Rig {
     /// What the emulated parts are like.
     #[command(flatten)]
     pub hardware: HardwareChoice,
-
-    /// Make this path a symbolic link to the pseudo-terminal, removed at the end.
-    #[arg(long, value_name = "PATH")]
-    pub link: Option<PathBuf>,
-
-    /// End by itself after this many seconds.
-    #[arg(long, value_name = "S", value_parser = seconds)]
-    pub seconds: Option<f64>,
 }
 
 /// What to do with a rig that runs.
@@ -133,7 +151,6 @@ pub enum SensorChoice {
     Worst,
 }
 
-#[cfg(unix)]
 impl SensorChoice {
     /// Its errors.
     pub fn errors(self) -> ImuErrors {
@@ -166,11 +183,9 @@ fn offset(text: &str) -> Result<f64, String> {
 }
 
 /// Pitch rate at which the drone leaves the clamp, rad/s, as in `tvc fly`.
-#[cfg(unix)]
 const RELEASE_RATE_RAD_S: f64 = 0.2;
 
 /// Latest start of a fault after a release, s.
-#[cfg(unix)]
 const LONGEST_S: f64 = 3600.0;
 
 /// The socket of the rig behind a port's name.
@@ -204,47 +219,75 @@ pub fn run(options: &Rig) -> Result<Verdict> {
     }
 }
 
+impl RigChoice {
+    /// The rig, switched on, and the person at it.
+    ///
+    /// # Errors
+    /// A scenario, an image or a memory that cannot be had; a choice that does not fit.
+    pub fn attended(&self) -> Result<Attended> {
+        let scenario = self.faults.as_deref();
+        let scenario = scenario
+            .map(|path| crate::flight::fly::faults::read(path, self.seed, LONGEST_S))
+            .transpose()?
+            .unwrap_or_default();
+        let mut config = ::rig::RigConfig {
+            seed: self.seed,
+            stored: (!self.blank).then(::rig::RigConfig::polarity_set),
+            hardware: self.hardware.hardware()?,
+            ..::rig::RigConfig::default()
+        };
+        config.bench.servo = self.servo.model();
+        config.bench.sensor.errors = self.sensor.errors();
+        config.bench.start_rad = self.tilt;
+        self.vehicle.hang(&mut config)?;
+        match &mut config.bench.vehicle {
+            VehicleConfig::TwoAxes(two_axes) => two_axes.start_roll_rad = self.roll,
+            VehicleConfig::Rocket(rocket) => rocket.start_rad = [self.tilt, self.roll],
+            VehicleConfig::OneAxis if self.roll != 0.0 => {
+                return Err(BadInput::new("--roll needs --vehicle drone2 or rocket").into());
+            }
+            VehicleConfig::OneAxis => {}
+        }
+        let drone = config.bench.parameters;
+        config.bench.parameters = drone.with_lateral_offset(self.cm_offset * 1e-3);
+        config.bench.disturbances = self.disturb.over(scenario.disturbances);
+        config.bench.faults = scenario.faults;
+        let mut rig = ::rig::Rig::new(&self.image.image()?, &config)?;
+        if let Some(path) = self.memory.as_deref().filter(|path| path.exists()) {
+            let bytes = input::bytes(path, rig.stored().len() as u64)?;
+            let whole = bytes.as_slice().try_into().map_err(|_| {
+                BadInput::new(format!("{} is not the memory of a rig", path.display()))
+            })?;
+            rig.load_stored(whole);
+        }
+        let start_rad = [self.tilt, self.roll];
+        let pilot = Pilot::new(start_rad, RELEASE_RATE_RAD_S, self.hand);
+        Ok(Attended::new(rig, pilot))
+    }
+
+    /// Keeps what the vehicle has stored, where a file was named for it.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn keep(&self, rig: &::rig::Rig) -> Result<()> {
+        let memory = self.memory.as_deref();
+        memory.map_or(Ok(()), |path| write_whole(path, rig.stored()))
+    }
+}
+
 /// Runs the rig until a signal or `--seconds` ends it.
 #[cfg(unix)]
 fn run_rig(options: &Rig) -> Result<Verdict> {
     use std::time::Duration;
 
     use anyhow::Context;
-    use rig::pilot::Pilot;
     use rig::pty::Pty;
     use rig::real_time::RealTime;
 
-    let scenario = options.faults.as_deref();
-    let scenario = scenario
-        .map(|path| crate::flight::fly::faults::read(path, options.seed, LONGEST_S))
-        .transpose()?
-        .unwrap_or_default();
+    let choice = &options.choice;
     let stop = crate::signals::on_signal()?;
     let mut link = options.link.as_deref().map(Link::claim).transpose()?;
-    let image = options.image.image()?;
-    let mut config = rig::RigConfig {
-        seed: options.seed,
-        stored: (!options.blank).then(rig::RigConfig::polarity_set),
-        hardware: options.hardware.hardware()?,
-        ..rig::RigConfig::default()
-    };
-    config.bench.servo = options.servo.model();
-    config.bench.sensor.errors = options.sensor.errors();
-    config.bench.start_rad = options.tilt;
-    options.vehicle.hang(&mut config)?;
-    match &mut config.bench.vehicle {
-        VehicleConfig::TwoAxes(two_axes) => two_axes.start_roll_rad = options.roll,
-        VehicleConfig::Rocket(rocket) => rocket.start_rad = [options.tilt, options.roll],
-        VehicleConfig::OneAxis if options.roll != 0.0 => {
-            return Err(BadInput::new("--roll needs --vehicle drone2 or rocket").into());
-        }
-        VehicleConfig::OneAxis => {}
-    }
-    let drone = config.bench.parameters;
-    config.bench.parameters = drone.with_lateral_offset(options.cm_offset * 1e-3);
-    config.bench.disturbances = options.disturb.over(scenario.disturbances);
-    config.bench.faults = scenario.faults;
-    let rig = rig::Rig::new(&image, &config)?;
+    let attended = choice.attended()?;
     let pty = Pty::open().context("making a pseudo-terminal")?;
     if let Some(link) = &mut link {
         link.point_to(pty.path())?;
@@ -252,14 +295,13 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
     print(format_args!("{}\n", pty.path().display()))?;
     eprintln!(
         "the rig runs in real time: servo {}, seed {}, tilt {} rad; Ctrl-C ends it",
-        options.servo.name(),
-        options.seed,
-        options.tilt
+        choice.servo.name(),
+        choice.seed,
+        choice.tilt
     );
-    let start_rad = [options.tilt, options.roll];
-    let pilot = Pilot::new(start_rad, RELEASE_RATE_RAD_S, options.hand);
     let control = link.as_mut().and_then(|link| link.control.take());
-    let mut running = RealTime::new(rig, pilot, pty, control, options.speed);
+    let speed = choice.speed.unwrap_or(1.0);
+    let mut running = RealTime::new(attended, pty, control, speed);
     let longest = options.seconds.map(Duration::from_secs_f64);
     let mut report = |at_s: f64, line: &str| eprintln!("{at_s:9.3} s  {line}");
     let mut plugged = |path: &Path| {
@@ -270,6 +312,7 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
     let summary = running
         .run(longest, stop, &mut report, &mut plugged)
         .context("the rig")?;
+    choice.keep(running.rig())?;
     eprintln!(
         "ran for {:.1} s: {} control steps",
         summary.seconds, summary.steps

@@ -1,6 +1,6 @@
 //! `tvc arm`, `tvc disarm` and `tvc reboot`.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -83,9 +83,9 @@ pub fn reboot(options: &Operate) -> Result<Verdict> {
 
 /// Waits for the state that an order leads to.
 fn follow(vehicle: &mut Vehicle, order: Order, obeyed: fn(StateKind) -> bool) -> Result<()> {
-    let end = Instant::now() + PATIENCE;
+    let end = vehicle.now() + PATIENCE;
     while !vehicle.state().is_some_and(obeyed) {
-        if Instant::now() >= end {
+        if vehicle.now() >= end {
             bail!(
                 "the vehicle accepted the order to {} and is in {}",
                 order.name,

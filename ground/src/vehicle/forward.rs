@@ -5,7 +5,7 @@ pub mod gate;
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Context, Result};
 use clap::Args;
@@ -88,7 +88,7 @@ pub fn run(options: &Forward) -> Result<Verdict> {
     let mut gate = Gate::new(options.admission.clone(), options.to.ip(), signing);
     let stop = signals::on_signal()?;
     // The ground station sends the heartbeats.
-    let mut vehicle = Vehicle::at(Link::open(&options.port)?.without_heartbeat())?;
+    let mut vehicle = Vehicle::at(Link::open_live(&options.port)?.without_heartbeat())?;
     let mut tracker = StatusTracker::new(servo_maps(&mut vehicle)?);
     if let Some(log) = &options.log {
         vehicle.link().log_to(Writer::create(log, TOOL)?);
@@ -102,10 +102,10 @@ pub fn run(options: &Forward) -> Result<Verdict> {
         options.to,
         options.plot
     );
-    let begun = Instant::now();
+    let begun = vehicle.now();
     let longest = options.seconds.map(Duration::from_secs_f64);
     let mut datagram = [0; DATAGRAM];
-    while !signals::asked(stop, begun, longest) {
+    while !signals::asked(stop, vehicle.now() - begun, longest) {
         for frame in vehicle.receive()? {
             // An error here means that nobody listens yet; somebody may later.
             let _ = station.send_to(&gate.outgoing(frame.bytes.clone()), options.to);

@@ -59,7 +59,7 @@ struct ImageFound {
     build: String,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 struct PortFound {
     name: String,
     /// What runs on it, if it is a Nano by its USB ids.
@@ -92,17 +92,14 @@ fn look(options: &PortOptions) -> Found {
         modem_manager: is_running("ModemManager"),
         ..Found::default()
     };
-    let port = port::find(options.port.as_deref()).map(|name| {
-        let life = port::life(&name);
-        PortFound {
-            access: access(Path::new(&name)),
-            held_by: holders(Path::new(&name)),
-            nano: life.is_some(),
-            bootloader: life == Some(Life::Bootloader),
-            life,
-            name,
-        }
-    });
+    let port = match &options.rig {
+        Some(_) => Ok(PortFound {
+            name: "the rig".to_owned(),
+            nano: true,
+            ..PortFound::default()
+        }),
+        None => port::find(options.port.as_deref()).map(PortFound::named),
+    };
     let told = port.and_then(|port| {
         let port = found.port.insert(port);
         // Two programs at one port take each other's bytes.
@@ -165,6 +162,18 @@ fn figures(found: &Found, standing: Standing, next: &str) -> Figures {
 }
 
 impl PortFound {
+    fn named(name: String) -> Self {
+        let life = port::life(&name);
+        Self {
+            access: access(Path::new(&name)),
+            held_by: holders(Path::new(&name)),
+            nano: life.is_some(),
+            bootloader: life == Some(Life::Bootloader),
+            life,
+            name,
+        }
+    }
+
     fn words(&self) -> String {
         match Life::words(self.life) {
             "" => self.name.clone(),

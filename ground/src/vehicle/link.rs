@@ -1,7 +1,7 @@
 //! The vehicle at the other end of a port, for every command that talks to it.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Error, Result, anyhow, bail};
 use client::request::Order;
@@ -9,6 +9,7 @@ use client::{Client, Failure, Frame, Parameter, Request, StateKind, request};
 use mavlink::dialects::common::MavMessage;
 
 use crate::cli::TOOL;
+use crate::flight::rig::here::OnRig;
 use crate::vehicle::port::{Port, PortOptions};
 use crate::vehicle::way::Way;
 use flights::log::Writer;
@@ -24,21 +25,34 @@ const LOOK: Duration = Duration::from_millis(150);
 /// Longest wait for bytes, so that heartbeats and deadlines are kept.
 const SLICE: Duration = Duration::from_millis(20);
 
-/// A [`Client`] at a port, in real time.
+/// A [`Client`] at a port or at the rig, on the clock of the vehicle.
 pub struct Link {
     way: Box<dyn Way>,
     client: Client,
-    begun: Instant,
     log: Option<Writer>,
 }
 
 impl Link {
-    /// Opens the port that `options` mean.
+    /// Opens the port that `options` mean, or switches the rig on.
     ///
     /// # Errors
-    /// See [`Port::open`].
+    /// See [`Port::open`] and [`OnRig::new`].
     pub fn open(options: &PortOptions) -> Result<Self> {
-        Ok(Self::at(Port::open(options.port.as_deref())?))
+        Ok(match &options.rig {
+            Some(choice) => Self::at(OnRig::new(choice)?),
+            None => Self::at(Port::open(options.port.as_deref())?),
+        })
+    }
+
+    /// As [`open`](Self::open), in real time in any case: other programs listen.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_live(options: &PortOptions) -> Result<Self> {
+        Ok(match &options.rig {
+            Some(choice) => Self::at(OnRig::new(choice)?.in_real_time()),
+            None => Self::open(options)?,
+        })
     }
 
     /// A client at an open port.
@@ -46,7 +60,6 @@ impl Link {
         Self {
             way: Box::new(way),
             client: Client::default(),
-            begun: Instant::now(),
             log: None,
         }
     }
@@ -89,9 +102,23 @@ impl Link {
         &mut self.client
     }
 
-    /// The time by the client's clock.
+    /// The time by the clock of client and vehicle.
     pub fn now(&self) -> Duration {
-        self.begun.elapsed()
+        self.way.now()
+    }
+
+    /// The board resets: waits until it is back, if it comes back, and knows nothing of it then.
+    ///
+    /// # Errors
+    /// The rig stopped.
+    pub fn reopen(&mut self) -> Result<()> {
+        self.client = Client::default();
+        self.way.reopen()
+    }
+
+    /// The way, for what is no message.
+    pub fn way(&mut self) -> &mut dyn Way {
+        &mut *self.way
     }
 
     /// The frames that have come, waiting a short while for them.
@@ -99,10 +126,10 @@ impl Link {
     /// # Errors
     /// The port went away, or the log cannot be written.
     pub fn receive(&mut self) -> Result<Vec<Frame>> {
-        self.client.poll(self.begun.elapsed());
+        self.client.poll(self.now());
         self.flush()?;
         let bytes = self.way.read(SLICE)?;
-        let frames = self.client.receive(self.begun.elapsed(), &bytes);
+        let frames = self.client.receive(self.now(), &bytes);
         self.log(|log| {
             for frame in &frames {
                 log.write(&frame.bytes)?;
@@ -173,8 +200,9 @@ impl Vehicle {
     /// # Errors
     /// No heartbeat.
     pub fn at(mut link: Link) -> Result<Self> {
+        let end = link.now() + CONNECT;
         while link.client.heard().is_none() {
-            if link.now() > CONNECT {
+            if link.now() > end {
                 bail!(
                     "no heartbeat on {} within {} s: is tvc-nano on the board (tvc flash), and is this its port (tvc info --ports)?",
                     link.name(),
@@ -201,6 +229,23 @@ impl Vehicle {
         self.link.client.reason()
     }
 
+    /// The time by the vehicle's clock.
+    pub fn now(&self) -> Duration {
+        self.link.now()
+    }
+
+    /// Takes in what comes for so long.
+    ///
+    /// # Errors
+    /// As [`Self::receive`].
+    pub fn wait(&mut self, time: Duration) -> Result<()> {
+        let until = self.now() + time;
+        while self.now() < until {
+            self.receive()?;
+        }
+        Ok(())
+    }
+
     /// The link, to read along.
     pub fn link(&mut self) -> &mut Link {
         &mut self.link
@@ -222,7 +267,7 @@ impl Vehicle {
     /// # Errors
     /// A [`Failure`]: the vehicle refuses, with its reason, or does not answer.
     pub fn command(&mut self, order: Order) -> Result<()> {
-        self.request(Request::Order(order), &mut || {})
+        self.request(Request::Order(order), &mut |_| {})
     }
 
     /// Changes a parameter.
@@ -231,7 +276,7 @@ impl Vehicle {
     /// [`BadInput`] with the vehicle's reason if it keeps another value; silence.
     pub fn set_parameter(&mut self, name: &str, value: f32) -> Result<()> {
         let name = name.to_owned();
-        self.request(Request::Set(Parameter { name, value }), &mut || {})
+        self.request(Request::Set(Parameter { name, value }), &mut |_| {})
     }
 
     /// One parameter's value.
@@ -239,7 +284,7 @@ impl Vehicle {
     /// # Errors
     /// [`BadInput`] if the vehicle does not know it; silence.
     pub fn parameter(&mut self, name: &str) -> Result<f32> {
-        self.request(Request::Read(name.to_owned()), &mut || {})?;
+        self.request(Request::Read(name.to_owned()), &mut |_| {})?;
         let value = self.link.client.parameter(name);
         value.ok_or_else(|| anyhow!("no value of {name}"))
     }
@@ -249,7 +294,7 @@ impl Vehicle {
     /// # Errors
     /// Silence.
     pub fn parameters(&mut self) -> Result<Vec<Parameter>> {
-        self.request(Request::List, &mut || {})?;
+        self.request(Request::List, &mut |_| {})?;
         Ok(self.link.client.parameters().cloned().collect())
     }
 
@@ -258,31 +303,29 @@ impl Vehicle {
     /// # Errors
     /// Silence.
     pub fn recording(&mut self) -> Result<Vec<u8>> {
-        let whole = Instant::now() + RECORDING;
+        let whole = self.now() + RECORDING;
         loop {
-            self.request(Request::Download, &mut || {})?;
+            self.request(Request::Download, &mut |_| {})?;
             let bytes = self.link.client.recording();
-            if !bytes.is_empty() || Instant::now() >= whole {
-                return Ok(bytes.to_vec());
+            let bytes = bytes.to_vec();
+            if !bytes.is_empty() || self.now() >= whole {
+                return Ok(bytes);
             }
-            let look = Instant::now() + LOOK;
-            while Instant::now() < look {
-                self.receive()?;
-            }
+            self.wait(LOOK)?;
         }
     }
 
-    /// Asks and waits for the answer; `each` is called again and again meanwhile.
+    /// Asks and waits for the answer; `each` is called again and again meanwhile, with the time.
     ///
     /// # Errors
     /// As [`Self::command`].
-    pub fn request(&mut self, request: Request, each: &mut dyn FnMut()) -> Result<()> {
+    pub fn request(&mut self, request: Request, each: &mut dyn FnMut(Duration)) -> Result<()> {
         if let Some(mut waited) = self.link.way.request(&request, self.stop) {
             loop {
                 // What the vehicle told before its answer has come by then.
                 let answer = waited();
                 self.receive()?;
-                each();
+                each(self.now());
                 if let Some(answer) = answer {
                     return answer
                         .map_err(|refusal| refusal.downcast().map_or_else(|other| other, error));
@@ -293,7 +336,7 @@ impl Vehicle {
         let ticket = self.link.client.request(now, request);
         loop {
             self.receive()?;
-            each();
+            each(self.now());
             if let Some(answer) = self.link.client.answer(ticket) {
                 return answer.map_err(error);
             }

@@ -4,7 +4,7 @@
 use std::fmt::Display;
 use std::io::IsTerminal;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Error, Result};
 use clap::Args;
@@ -75,14 +75,14 @@ pub fn run(options: &Monitor) -> Result<Verdict> {
     let mut screen = terminal.then(Screen::new);
     let every = options.every.unwrap_or(if terminal { 0.1 } else { 1.0 });
     let every = Duration::from_secs_f64(every);
-    let begun = Instant::now();
+    let begun = vehicle.now();
     let longest = options.seconds.map(Duration::from_secs_f64);
     let mut due = begun + every;
-    while !signals::asked(stop, begun, longest) {
+    while !signals::asked(stop, vehicle.now() - begun, longest) {
         for frame in vehicle.receive()? {
             tracker.take(&frame.message);
         }
-        if Instant::now() < due {
+        if vehicle.now() < due {
             continue;
         }
         due += every;

@@ -5,11 +5,12 @@ mod nano;
 
 use std::io::{self, ErrorKind};
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType, UsbPortInfo};
 
+use crate::flight::rig::{RigChoice, here};
 use crate::vehicle::way::Way;
 use clap::Args;
 #[cfg(test)]
@@ -26,6 +27,12 @@ pub struct PortOptions {
     /// that is connected].
     #[arg(long, value_name = "PORT", global = true)]
     pub port: Option<String>,
+
+    /// Take the virtual rig instead, in this process, switched on for this command. OPTIONS are
+    /// those of `tvc rig`, such as --rig='--servo digital --seed 3'.
+    #[arg(long, value_name = "OPTIONS", global = true, conflicts_with = "port", num_args = 0..=1,
+        require_equals = true, default_missing_value = "", value_parser = here::choice)]
+    pub rig: Option<RigChoice>,
 }
 
 /// Where the vehicle is, and the form of the answer.
@@ -165,6 +172,7 @@ pub fn refused(name: &str, error: &io::Error) -> BadInput {
 pub struct Port {
     port: Box<dyn SerialPort>,
     name: String,
+    begun: Instant,
 }
 
 impl Port {
@@ -186,7 +194,8 @@ impl Port {
 
     /// A port that is open already.
     pub fn at(port: Box<dyn SerialPort>, name: String) -> Self {
-        Self { port, name }
+        let begun = Instant::now();
+        Self { port, name, begun }
     }
 
     fn gone(&self, error: &io::Error) -> anyhow::Error {
@@ -200,6 +209,10 @@ impl Port {
 impl Way for Port {
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn now(&self) -> Duration {
+        self.begun.elapsed()
     }
 
     fn read(&mut self, patience: Duration) -> Result<Vec<u8>> {
@@ -234,6 +247,23 @@ impl Way for Port {
                 }
                 _ => self.gone(&error),
             })
+    }
+
+    fn reopen(&mut self) -> Result<()> {
+        /// The port of a chip that was reset is gone within this time, and back later.
+        const GONE: Duration = Duration::from_millis(400);
+        const PATIENCE: Duration = Duration::from_secs(10);
+        std::thread::sleep(GONE);
+        let until = self.now() + PATIENCE;
+        while self.now() < until {
+            // The same board again, whatever else is connected meanwhile.
+            if let Ok(Self { port, .. }) = Self::open(Some(&self.name)) {
+                self.port = port;
+                return Ok(());
+            }
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        Ok(())
     }
 }
 

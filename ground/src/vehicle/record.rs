@@ -2,7 +2,7 @@
 //! last release from the vehicle's own memory.
 
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::Result;
 use clap::Args;
@@ -82,10 +82,10 @@ pub fn run(options: &Record) -> Result<Verdict> {
     if let Ok(style) = ProgressStyle::with_template("{spinner} recording {elapsed}  {msg}") {
         bar.set_style(style);
     }
-    let begun = Instant::now();
+    let begun = vehicle.now();
     let longest = options.seconds.map(Duration::from_secs_f64);
     let mut gone = None;
-    while !signals::asked(stop, begun, longest) {
+    while !signals::asked(stop, vehicle.now() - begun, longest) {
         if let Err(error) = vehicle.receive() {
             // What has been recorded is kept.
             gone = Some(error);

@@ -1,6 +1,6 @@
 //! `tvc release`: an armed vehicle is let go, and watched until the command ends.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -10,6 +10,7 @@ use crate::signals;
 use crate::vehicle::calibrate::keyboard::{Keyboard, Typed, is_attended};
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::VehicleOptions;
+use crate::vehicle::test::arm;
 use crate::vehicle::watch::Watched;
 use report::arguments::seconds;
 use report::exit::{BadInput, Verdict};
@@ -21,6 +22,7 @@ use report::measure::{Figures, figure, note};
 Examples:
   tvc arm && tvc release       asks, lets go, keeps control until Ctrl-C, disarms
   tvc release --yes --seconds 5      without a question, for five seconds
+  tvc release --yes --seconds 5 --rig    arms the virtual rig and lets it go
 
 The vehicle must be armed. However the command ends (Ctrl-C, SIGTERM, SIGHUP, an error), the vehicle
 is disarmed. Meanwhile FS_HOST is 1: if the tool is killed or the port goes away, the vehicle goes to
@@ -52,6 +54,10 @@ pub fn run(options: &Release) -> Result<Verdict> {
     }
     let stop = signals::on_signal()?;
     let mut vehicle = Watched::new(Vehicle::connect(&options.vehicle.port)?);
+    if options.vehicle.port.rig.is_some() {
+        // Nobody else can have armed this vehicle.
+        arm(&mut vehicle, &mut |_| {})?;
+    }
     if vehicle.state() != Some(StateKind::Armed) {
         let state = vehicle.link().client().state_name();
         bail!("release refused: the vehicle is in {state}; `tvc arm` first");
@@ -63,7 +69,7 @@ pub fn run(options: &Release) -> Result<Verdict> {
     }
     vehicle.begin(stop);
     let longest = options.seconds.map(Duration::from_secs_f64);
-    let released = release(&mut vehicle, |begun| signals::asked(stop, begun, longest));
+    let released = release(&mut vehicle, |lasted| signals::asked(stop, lasted, longest));
     let seconds = vehicle.leave(released)?;
     let words = format!("in control for {seconds:.1} s, then disarmed");
     Figures::from([figure("seconds", seconds), note(words)]).conclude(options.vehicle.json, None)
@@ -84,14 +90,14 @@ fn is_agreed(vehicle: &mut Vehicle) -> Result<bool> {
 }
 
 /// Releases and watches until `is_over`; how long control was on, s.
-fn release(vehicle: &mut Watched, is_over: impl Fn(Instant) -> bool) -> Result<f64> {
+fn release(vehicle: &mut Watched, is_over: impl Fn(Duration) -> bool) -> Result<f64> {
     vehicle.watch_host()?;
     vehicle.command(request::RELEASE)?;
     eprintln!("released");
-    let begun = Instant::now();
-    while !is_over(begun) {
+    let begun = vehicle.now();
+    while !is_over(vehicle.now() - begun) {
         match vehicle.receive() {
-            Err(_) if is_over(begun) => break,
+            Err(_) if is_over(vehicle.now() - begun) => break,
             received => received?,
         };
         match vehicle.state() {
@@ -100,5 +106,5 @@ fn release(vehicle: &mut Watched, is_over: impl Fn(Instant) -> bool) -> Result<f
             _ => {}
         }
     }
-    Ok(begun.elapsed().as_secs_f64())
+    Ok((vehicle.now() - begun).as_secs_f64())
 }

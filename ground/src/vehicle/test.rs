@@ -2,7 +2,7 @@
 //! figures.
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Context, Error, Result, bail, ensure};
 use clap::{Args, Subcommand};
@@ -265,10 +265,7 @@ pub fn fly(
     show(Stage::Still(None));
     vehicle.command(request::CALIBRATE)?;
     arm(vehicle, &mut |why| show(Stage::Still(Some(why))))?;
-    let release = Instant::now() + ARMED;
-    while Instant::now() < release {
-        vehicle.receive()?;
-    }
+    vehicle.wait(ARMED)?;
     vehicle.command(request::RELEASE)?;
     let (Manoeuvre::Step { seconds }
     | Manoeuvre::Hold { seconds }
@@ -315,19 +312,18 @@ fn is_worth_waiting(refusal: &Error) -> bool {
 /// # Errors
 /// The vehicle's refusal, after [`ARM_PATIENCE`] or where waiting does not help.
 pub fn arm(vehicle: &mut Vehicle, wait: &mut dyn FnMut(&str)) -> Result<()> {
-    let begun = Instant::now();
-    let is_over = || begun.elapsed() > ARM_PATIENCE;
+    let end = vehicle.now() + ARM_PATIENCE;
     loop {
         let Err(refusal) = vehicle.command(request::MAY_ARM) else {
             break;
         };
         let kind = refusal.downcast_ref().and_then(Failure::refusal);
         // A refusal without a reason is of a firmware that does not know the question.
-        let Some(why) = kind.filter(|_| is_worth_waiting(&refusal) && !is_over()) else {
+        let Some(why) = kind.filter(|_| is_worth_waiting(&refusal) && vehicle.now() <= end) else {
             break;
         };
-        let (why, again) = (why.to_string(), Instant::now() + ARM_RETRY);
-        while Instant::now() < again {
+        let (why, again) = (why.to_string(), vehicle.now() + ARM_RETRY);
+        while vehicle.now() < again {
             vehicle.receive()?;
             wait(&why);
         }
@@ -344,10 +340,11 @@ fn watch(
     length: Duration,
     each: &mut dyn FnMut(&mut Vehicle, Duration) -> Result<()>,
 ) -> Result<()> {
-    let begun = Instant::now();
-    while begun.elapsed() < length {
+    let begun = vehicle.now();
+    while vehicle.now() - begun < length {
         vehicle.receive()?;
-        each(vehicle, begun.elapsed())?;
+        let lasted = vehicle.now() - begun;
+        each(vehicle, lasted)?;
         if vehicle.state() == Some(StateKind::Failsafe) {
             bail!("the vehicle gave up: {}", vehicle.reason());
         }

@@ -7,7 +7,7 @@
 
 use std::ops::{Deref, DerefMut};
 use std::sync::atomic::AtomicBool;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::Result;
 use client::{Failure, Parameter, Request, StateKind, request};
@@ -129,9 +129,9 @@ impl Vehicle {
     /// # Errors
     /// The vehicle does not answer.
     pub fn disarm(&mut self) -> Result<Option<String>> {
-        let (begun, mut told) = (Instant::now(), false);
-        let answer = self.request(Request::Order(request::DISARM), &mut || {
-            if !told && begun.elapsed() > UNANSWERED {
+        let (begun, mut told) = (self.now(), false);
+        let answer = self.request(Request::Order(request::DISARM), &mut |now| {
+            if !told && now.saturating_sub(begun) > UNANSWERED {
                 told = true;
                 eprintln!("{CUT_POWER}");
             }

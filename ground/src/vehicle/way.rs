@@ -1,5 +1,5 @@
-//! How bytes get to the vehicle and back: by a port of one's own, or by the thread that has the
-//! port.
+//! How bytes get to the vehicle and back: by a port, by the rig in this process, or by the thread
+//! that has either.
 
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -12,6 +12,9 @@ pub trait Way: Send {
     /// The port's name.
     fn name(&self) -> &str;
 
+    /// The time by the clock that the vehicle keeps: real time at a port.
+    fn now(&self) -> Duration;
+
     /// The bytes that have come, waiting at most `patience` for the first one.
     ///
     /// # Errors
@@ -23,6 +26,19 @@ pub trait Way: Send {
     /// # Errors
     /// The port went away, or takes nothing any more.
     fn write(&mut self, bytes: &[u8]) -> Result<()>;
+
+    /// The board resets: waits until it is back, if it comes back.
+    ///
+    /// # Errors
+    /// The rig stopped.
+    fn reopen(&mut self) -> Result<()> {
+        Ok(())
+    }
+
+    /// Resets a board that hangs. Whether it could.
+    fn press_reset(&mut self) -> bool {
+        false
+    }
 
     /// Gives a request to the thread that has the port, which sends nothing once `stop` is set;
     /// `None` where the link's own client asks.

@@ -16,7 +16,7 @@ const ALONE: &[(&str, &str)] = &[
     ("fly-drone2", "fly --vehicle drone2 --start 0.2"),
     ("fly-rocket", "fly --vehicle rocket"),
     ("fly-recording", "fly --recording walk.imuq"),
-    ("bringup", "bringup --rig --no-hands"),
+    ("bringup", "bringup --rig"),
     ("model-simulate", "model simulate pendulum.toml"),
     ("model-linear", "model linear"),
     ("tune", "tune --generations 0"),

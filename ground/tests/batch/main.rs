@@ -10,7 +10,8 @@ mod model;
 mod outputs;
 #[path = "../running/mod.rs"]
 mod running;
+mod tether;
+mod tuning;
 
 /// The program under test.
 const PROGRAM: &str = env!("CARGO_BIN_EXE_tvc");
-mod tuning;

@@ -16,11 +16,11 @@ fn image(folder: &std::path::Path) -> PathBuf {
 
 /// Name, result and what was found of each row, on parts that differ by `hardware`.
 fn rows(image: &str, hardware: &str) -> (Option<i32>, Vec<[String; 3]>) {
-    let mut arguments = vec!["bringup", "--rig", "--no-hands", "--json", "--image", image];
+    let mut rig = format!("--rig=--image {image}");
     if !hardware.is_empty() {
-        arguments.extend(["--hardware", hardware]);
+        rig += &format!(" --hardware {hardware}");
     }
-    let output = tvc(&arguments);
+    let output = tvc(&["bringup", &rig, "--json"]);
     let told: Value = serde_json::from_slice(&output.stdout)
         .unwrap_or_else(|error| panic!("{hardware}: {error}: {}", said(&output)));
     let rows =
@@ -79,7 +79,7 @@ fn each_planted_difference_shows_in_its_own_row_alone() {
 fn what_makes_no_sense_is_refused() {
     assert_refused(&["bringup", "--port", "/dev/no-such-port"], "no port");
     assert_refused(
-        &["bringup", "--rig", "--hardware", "jumper=maybe"],
+        &["bringup", "--rig=--hardware jumper=maybe"],
         "jumper=yes|no",
     );
     assert_refused(&["bringup", "--rig", "--port", "x"], "cannot be used with");

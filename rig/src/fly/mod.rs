@@ -2,6 +2,7 @@
 //! running in real time behind a pseudo-terminal.
 
 pub mod action;
+pub mod attended;
 #[cfg(unix)]
 pub mod control;
 pub mod faults;

@@ -10,14 +10,12 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::fly::action::Action;
+use crate::fly::attended::Attended;
 use crate::fly::control::Control;
-use crate::fly::pilot::Pilot;
 use crate::fly::pty::Pty;
 use crate::observe::measure::LoopTiming;
 use crate::rig::{Rig, RigError};
 use samd21::board::Ticks;
-use serde_json::json;
 use thiserror::Error;
 
 /// How long the rig runs between two looks at the pseudo-terminal.
@@ -28,8 +26,6 @@ const MOST_LAG: Duration = Duration::from_millis(200);
 const BUFFER: usize = 4096;
 /// Timing is measured over windows of this length; the ground truth is cleared after each.
 const WINDOW: Ticks = Ticks::from_ms(2000);
-/// Time after which a chip in its bootloader is power-cycled; nothing here can program it.
-const BOOTLOADER: Ticks = Ticks::from_ms(2000);
 
 /// Why the rig stopped early.
 #[derive(Debug, Error)]
@@ -57,8 +53,7 @@ pub struct Summary {
 
 /// A rig, its pilot and the pseudo-terminal at its port.
 pub struct RealTime {
-    rig: Rig,
-    pilot: Pilot,
+    attended: Attended,
     /// None while the cable is out.
     pty: Option<Pty>,
     control: Option<Control>,
@@ -70,8 +65,6 @@ pub struct RealTime {
     outgoing: Vec<u8>,
     /// When the window that is measured next began.
     window_start: Ticks,
-    /// When the bootloader was first seen to run, while it does.
-    bootloader: Option<Ticks>,
     /// Speed of the rig's clock, as a multiple of real time.
     speed: f64,
     summary: Summary,
@@ -80,18 +73,16 @@ pub struct RealTime {
 impl RealTime {
     /// A rig whose port no program has opened yet, and whose clock runs `speed` times as fast as
     /// real time. With `control`, other programs act on it.
-    pub fn new(mut rig: Rig, pilot: Pilot, pty: Pty, control: Option<Control>, speed: f64) -> Self {
-        rig.usb_host_mut().set_dtr(false);
+    pub fn new(mut attended: Attended, pty: Pty, control: Option<Control>, speed: f64) -> Self {
+        attended.rig.usb_host_mut().set_dtr(false);
         Self {
-            window_start: rig.now(),
-            rig,
-            pilot,
+            window_start: attended.rig.now(),
+            attended,
             pty: Some(pty),
             control,
             open: false,
             baud: None,
             outgoing: Vec::new(),
-            bootloader: None,
             speed,
             summary: Summary::default(),
         }
@@ -127,32 +118,28 @@ impl RealTime {
             }
         }
         self.measure_window();
-        self.summary.seconds = self.rig.now().as_secs_f64();
+        self.summary.seconds = self.attended.rig.now().as_secs_f64();
         Ok(self.summary)
+    }
+
+    /// The rig.
+    pub fn rig(&self) -> &Rig {
+        &self.attended.rig
     }
 
     fn slice(&mut self, report: &mut dyn FnMut(f64, &str)) -> Result<(), RealTimeError> {
         self.watch_port();
-        if let Some(pty) = self.pty.as_ref().filter(|_| self.open) {
-            let typed = pty.read()?;
-            self.rig.usb_write(&typed);
-            self.pilot.on_station_bytes(&mut self.rig, &typed);
-        }
-        self.rig.run_for(SLICE)?;
-        let sent = self.rig.usb_read();
-        let now_s = self.rig.now().as_secs_f64();
-        for line in self.pilot.on_image_bytes(&mut self.rig, &sent) {
-            report(now_s, &line);
-        }
-        if let Some(pty) = self.pty.as_ref().filter(|_| self.open) {
+        let pty = self.pty.as_ref().filter(|_| self.open);
+        let typed = pty.map_or(Ok(Vec::new()), Pty::read)?;
+        let sent = self.attended.run_for(SLICE, &typed, report)?;
+        if let Some(pty) = pty {
             self.outgoing.extend_from_slice(&sent);
             let count = pty.write(&self.outgoing)?;
             self.outgoing.drain(..count);
         }
         let full = self.outgoing.len() >= BUFFER;
-        self.rig.usb_host_mut().pause_reading(full);
-        self.leave_bootloader(report);
-        if self.rig.now() - self.window_start >= WINDOW {
+        self.attended.rig.usb_host_mut().pause_reading(full);
+        if self.attended.rig.now() - self.window_start >= WINDOW {
             self.measure_window();
         }
         Ok(())
@@ -160,22 +147,9 @@ impl RealTime {
 
     /// Does what other programs ask for.
     fn act(&mut self, report: &mut dyn FnMut(f64, &str)) {
-        let Some(control) = &mut self.control else {
-            return;
-        };
-        let (rig, pilot) = (&mut self.rig, &mut self.pilot);
-        control.poll(|line| {
-            let done = line.parse().and_then(|action: Action| {
-                if action != Action::Look {
-                    report(rig.now().as_secs_f64(), &format!("by hand: {line}"));
-                }
-                pilot.act(rig, &action)
-            });
-            match done {
-                Ok(()) => json!(pilot.look(rig)).to_string(),
-                Err(error) => json!({ "error": error }).to_string(),
-            }
-        });
+        if let Some(control) = &mut self.control {
+            control.poll(|line| self.attended.act(line, report));
+        }
     }
 
     /// Takes the pseudo-terminal away with the cable, and makes another one when it is back.
@@ -183,7 +157,7 @@ impl RealTime {
         &mut self,
         plugged: &mut dyn FnMut(&Path) -> io::Result<()>,
     ) -> Result<(), RealTimeError> {
-        match (self.rig.usb_host().is_attached(), &self.pty) {
+        match (self.attended.rig.usb_host().is_attached(), &self.pty) {
             (false, Some(_)) => self.pty = None,
             (true, None) => plugged(self.pty.insert(Pty::open()?).path())?,
             _ => {}
@@ -195,7 +169,7 @@ impl RealTime {
     /// does.
     fn watch_port(&mut self) {
         let open = self.pty.as_ref().is_some_and(Pty::is_open);
-        let host = self.rig.usb_host_mut();
+        let host = self.attended.rig.usb_host_mut();
         if let Some(pty) = self.pty.as_ref().filter(|_| open) {
             let baud = pty.baud();
             if baud != self.baud {
@@ -210,31 +184,19 @@ impl RealTime {
         }
     }
 
-    /// Power-cycles a chip that has been in its bootloader for [`BOOTLOADER`].
-    fn leave_bootloader(&mut self, report: &mut dyn FnMut(f64, &str)) {
-        if !self.rig.in_bootloader() {
-            self.bootloader = None;
-            return;
-        }
-        let now = self.rig.now();
-        if now - *self.bootloader.get_or_insert(now) >= BOOTLOADER {
-            report(
-                now.as_secs_f64(),
-                "in its bootloader, with nothing to program it: power-cycled",
-            );
-            self.rig.power_cycle();
-        }
-    }
-
     fn measure_window(&mut self) {
-        let timing = LoopTiming::over(self.rig.truth(), self.window_start..self.rig.now());
+        let timing = LoopTiming::over(
+            self.attended.rig.truth(),
+            self.window_start..self.attended.rig.now(),
+        );
         self.summary.steps += timing.steps;
         // Until the sensor has started, bursts come irregularly, and after a reset, too.
         let is_reset = |(at, _): &(Ticks, _)| *at >= self.window_start;
-        if self.pilot.state().is_some() && !self.rig.resets().iter().any(is_reset) {
+        if self.attended.pilot.state().is_some() && !self.attended.rig.resets().iter().any(is_reset)
+        {
             self.summary.jitter_us_max = self.summary.jitter_us_max.max(timing.jitter_us_max);
         }
-        self.window_start = self.rig.now();
-        self.rig.environment_mut().truth.clear();
+        self.window_start = self.attended.rig.now();
+        self.attended.rig.environment_mut().truth.clear();
     }
 }

@@ -6,7 +6,6 @@ mod faults;
 mod row;
 mod sensor;
 mod session;
-pub mod target;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -17,16 +16,13 @@ use client::StateKind;
 use client::state::is_in_operation;
 use indicatif::ProgressBar;
 use maud::html;
-use rig::{Rig, RigConfig};
 use row::Row;
 use session::Session;
-use target::{Board, OnRig, Target};
 
-use crate::flight::hardware::HardwareChoice;
-use crate::image::ImageOption;
 use crate::vehicle::calibrate::keyboard::is_attended;
+use crate::vehicle::link::Link;
 use crate::vehicle::port::VehicleOptions;
-use report::exit::{BadInput, Verdict};
+use report::exit::Verdict;
 use report::kind;
 use report::measure::{Figures, figure, rows};
 use report::page::{page, verdict};
@@ -38,7 +34,7 @@ Examples:
   tvc bringup                        examine the Nano that is connected (docs/bringup.md)
   tvc bringup --report board.html    with a page to keep
   tvc bringup --rig                  the same on the virtual rig
-  tvc bringup --rig --hardware jumper=no,field=dead   what differences look like
+  tvc bringup --rig='--hardware jumper=no,field=dead'   what differences look like
 
 Put a jumper from D3 to D2 and connect no servo. The parameters are saved once; the board is made to fail its self-check and to hang, and recovers.
 Exit status: 0 nothing differs or fails, 1 something does or went wrong, 2 unusable input.")]
@@ -47,10 +43,6 @@ pub struct Bringup {
     #[command(flatten)]
     pub vehicle: VehicleOptions,
 
-    /// Examine the virtual rig instead of a board.
-    #[arg(long, conflicts_with = "port")]
-    pub rig: bool,
-
     /// Skip what needs hands: turning the sensor.
     #[arg(long)]
     pub no_hands: bool,
@@ -58,14 +50,6 @@ pub struct Bringup {
     /// Write an HTML report.
     #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
     pub report: Option<PathBuf>,
-
-    /// Which image the rig runs.
-    #[command(flatten)]
-    pub image: ImageOption,
-
-    /// What the emulated parts are like.
-    #[command(flatten)]
-    pub hardware: HardwareChoice,
 }
 
 /// Examines the board, prints the table and writes the report.
@@ -73,22 +57,9 @@ pub struct Bringup {
 /// # Errors
 /// No board; one that is armed; one that no longer answers.
 pub fn run(options: &Bringup) -> Result<Verdict> {
-    let for_the_rig = options.image.image.is_some() || !options.hardware.is_default();
-    if for_the_rig && !options.rig {
-        return Err(BadInput::new("--hardware and --image are for the rig: add --rig").into());
-    }
-    let mut target: Box<dyn Target> = if options.rig {
-        let config = RigConfig {
-            hardware: options.hardware.hardware()?,
-            stored: Some(RigConfig::polarity_set()),
-            ..RigConfig::default()
-        };
-        Box::new(OnRig::new(Rig::new(&options.image.image()?, &config)?))
-    } else {
-        Box::new(Board::open(options.vehicle.port.port.as_deref())?)
-    };
-    let hands = !options.no_hands && !options.rig && is_attended();
-    let found = examine(target.as_mut(), hands)?;
+    let port = &options.vehicle.port;
+    let hands = !options.no_hands && port.rig.is_none() && is_attended();
+    let found = examine(Link::open(port)?, hands)?;
     let met = !found.iter().any(Row::is_missed);
     let missed = found.iter().filter(|row| row.is_missed());
     let advice: Vec<String> = missed
@@ -114,7 +85,7 @@ pub fn run(options: &Bringup) -> Result<Verdict> {
 }
 
 /// All rows, in the order of the first hour.
-pub fn examine(target: &mut dyn Target, hands: bool) -> Result<Vec<Row>> {
+pub fn examine(link: Link, hands: bool) -> Result<Vec<Row>> {
     /// How long the sensor may take from power-on until it is sampled.
     const START: Duration = Duration::from_secs(8);
     let progress = ProgressBar::new_spinner();
@@ -123,7 +94,7 @@ pub fn examine(target: &mut dyn Target, hands: bool) -> Result<Vec<Row>> {
         progress.tick();
     };
     at("waiting for the vehicle");
-    let mut session = Session::begin(target)?;
+    let mut session = Session::begin(link)?;
     if session.state().is_some_and(is_in_operation) {
         bail!("the vehicle is armed or in failsafe: disarm it first (tvc disarm)");
     }

@@ -83,7 +83,7 @@ pub fn rows(session: &mut Session) -> Result<Vec<Row>> {
         bursts,
         ..
     } = &heard;
-    let state = session.target().client().state_name();
+    let state = session.link().client().state_name();
     if samples.len() < 100 {
         let reason = session.reason();
         rows.push(SENSOR.failed("150 samples a second", format!("{state}: {reason}")));

@@ -8,7 +8,7 @@ use client::{BoardValue, Failure, LinkCounts, Request, StateCode, StateKind, tex
 use mavlink::dialects::common::{MavMessage, MavResult, RAW_IMU_DATA, SYS_STATUS_DATA};
 use tvc_nano::bringup::What;
 
-use super::target::Target;
+use crate::vehicle::link::Link;
 
 /// An order whose answer takes longer was repeated.
 pub const REPEATED: Duration = Duration::from_millis(900);
@@ -27,22 +27,22 @@ pub struct Heard {
 }
 
 /// A conversation.
-pub struct Session<'a> {
-    target: &'a mut dyn Target,
+pub struct Session {
+    link: Link,
     /// What has been heard.
     pub heard: Heard,
     /// Tells one order from another.
     serial: u32,
 }
 
-impl<'a> Session<'a> {
+impl Session {
     /// Waits for the vehicle.
     ///
     /// # Errors
     /// No heartbeat.
-    pub fn begin(target: &'a mut dyn Target) -> Result<Self> {
+    pub fn begin(link: Link) -> Result<Self> {
         let mut session = Self {
-            target,
+            link,
             heard: Heard::default(),
             serial: 1,
         };
@@ -57,17 +57,17 @@ impl<'a> Session<'a> {
 
     /// The state of the flight.
     pub fn state(&mut self) -> Option<StateKind> {
-        self.target.client().state()
+        self.link.client().state()
     }
 
     /// The state and the kind of reason for it.
     pub fn state_code(&mut self) -> Option<StateCode> {
-        self.target.client().state_code()
+        self.link.client().state_code()
     }
 
     /// What the vehicle says of its state; what its heartbeat says, where the words were lost.
     pub fn reason(&mut self) -> String {
-        match self.target.client().reason() {
+        match self.link.client().reason() {
             "" => self
                 .state_code()
                 .map_or_else(String::new, |code| code.to_string()),
@@ -77,25 +77,25 @@ impl<'a> Session<'a> {
 
     /// What has been counted on the link.
     pub fn counts(&mut self) -> LinkCounts {
-        self.target.client().counts()
+        self.link.client().counts()
     }
 
-    /// The board or the rig.
-    pub fn target(&mut self) -> &mut dyn Target {
-        self.target
+    /// The link to the board or the rig.
+    pub fn link(&mut self) -> &mut Link {
+        &mut self.link
     }
 
     /// The time by the client's clock.
     pub fn now(&self) -> Duration {
-        self.target.now()
+        self.link.now()
     }
 
     /// Takes in what comes in a short while.
     ///
     /// # Errors
-    /// The rig stopped.
+    /// The port went away, or the rig stopped.
     pub fn turn(&mut self) -> Result<()> {
-        for frame in self.target.turn()? {
+        for frame in self.link.receive()? {
             match frame.message {
                 MavMessage::RAW_IMU(sample) => self.heard.samples.push(sample),
                 MavMessage::SYS_STATUS(status) => self.heard.status.push(status),
@@ -151,16 +151,16 @@ impl<'a> Session<'a> {
     /// The rig stopped.
     pub fn parameter(&mut self, name: &str) -> Result<Option<f32>> {
         let told = self.ask(Request::Read(name.to_owned()))?;
-        let value = self.target.client().parameter(name);
+        let value = self.link.client().parameter(name);
         Ok(value.filter(|_| told.is_ok()))
     }
 
     fn ask(&mut self, request: Request) -> Result<Result<(), Failure>> {
         let now = self.now();
-        let ticket = self.target.client().request(now, request);
+        let ticket = self.link.client().request(now, request);
         loop {
             self.turn()?;
-            if let Some(answer) = self.target.client().answer(ticket) {
+            if let Some(answer) = self.link.client().answer(ticket) {
                 return Ok(answer);
             }
         }
@@ -197,7 +197,7 @@ impl<'a> Session<'a> {
 
     fn examine(&mut self, what: What, number: u32) -> Result<Option<BoardValue>> {
         match self.order(request::bringup(what, number))? {
-            Ok(()) => Ok(self.target.client().board_value(number)),
+            Ok(()) => Ok(self.link.client().board_value(number)),
             Err(Failure::Refused {
                 result: MavResult::MAV_RESULT_DENIED,
                 ..
@@ -218,22 +218,24 @@ impl<'a> Session<'a> {
         let order = request::bringup(what, self.serial);
         // It speaks until it has read the order, which may be lost on its way.
         for _ in 0..5 {
-            self.target.client().send(&order.message());
-            self.listen(Duration::from_millis(150))?;
+            self.link.client().send(&order.message());
+            let heard = self.listen(Duration::from_millis(150));
             let spoken = self.counts().messages;
-            self.listen(Duration::from_millis(150))?;
-            if self.counts().messages == spoken {
+            // The port may have gone away with the board.
+            let more = heard.and_then(|()| self.listen(Duration::from_millis(150)));
+            if more.is_err() || self.counts().messages == spoken {
                 break;
             }
         }
-        self.target.reopen()?;
-        if self.wait(RETURN, |session| session.state().is_some())? {
+        self.link.reopen()?;
+        let returned = self.wait(RETURN, |session| session.state().is_some());
+        if matches!(returned, Ok(true)) {
             // What it says of its state follows.
             self.listen(Duration::from_millis(200))?;
             return Ok(true);
         }
-        if self.target.press_reset() {
-            self.target.reopen()?;
+        if self.link.way().press_reset() {
+            self.link.reopen()?;
             self.wait(RETURN, |session| session.state().is_some())?;
         }
         Ok(false)

@@ -5,7 +5,7 @@
 //! but a released drone begins with the rudder at neutral; with the neutral at the holding angle,
 //! nothing is left to find.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Result, bail};
 use calibration::spread;
@@ -98,17 +98,19 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
         person.progress(0.0, &format!("hold the drone still  {why}"), None);
     })?;
     session.vehicle.command(request::RELEASE)?;
-    let begun = Instant::now();
+    let begun = session.vehicle.now();
     let (mut steps, mut pitch_deg) = (Vec::new(), 0.0);
-    while begun.elapsed() < SETTLE + length {
-        for frame in session.vehicle.receive()? {
+    while session.vehicle.now() - begun < SETTLE + length {
+        let frames = session.vehicle.receive()?;
+        let lasted = session.vehicle.now() - begun;
+        for frame in frames {
             match &frame.message {
                 MavMessage::ATTITUDE_QUATERNION(q) => {
                     let [_, pitch, _] = angles([q.q1, q.q2, q.q3, q.q4].map(f64::from));
                     pitch_deg = pitch.to_degrees();
                 }
                 MavMessage::NAMED_VALUE_FLOAT(value)
-                    if value.name.to_str() == Ok(CRANKS[0]) && begun.elapsed() > SETTLE =>
+                    if value.name.to_str() == Ok(CRANKS[0]) && lasted > SETTLE =>
                 {
                     let crank_deg = f64::from(value.value).to_degrees();
                     steps.push(Vector3::new(crank_deg, pitch_deg, 0.0));
@@ -119,7 +121,7 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
         if session.vehicle.state() == Some(StateKind::Failsafe) {
             bail!("the vehicle gave up: {}", session.vehicle.reason());
         }
-        let share = begun.elapsed().as_secs_f64() / (SETTLE + length).as_secs_f64();
+        let share = lasted.as_secs_f64() / (SETTLE + length).as_secs_f64();
         session.progress(share, &format!("released, pitch {pitch_deg:+.1} deg"));
     }
     Ok(steps)

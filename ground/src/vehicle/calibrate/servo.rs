@@ -1,7 +1,7 @@
 //! The servo's set-up: the vehicle holds pulses while disarmed, and a person reports where the
 //! rudder is.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::Result;
 use client::{Parameter, request};
@@ -160,10 +160,10 @@ fn ask_at(
     pulse_us: f32,
     question: &Question<'_>,
 ) -> Result<Option<String>> {
-    let mut due = Instant::now();
+    let mut due = session.vehicle.now();
     session.question(question, &mut |vehicle| {
-        if Instant::now() >= due {
-            due = Instant::now() + AGAIN;
+        if vehicle.now() >= due {
+            due = vehicle.now() + AGAIN;
             vehicle.command(request::servo(axis, pulse_us))?;
         }
         Ok(())

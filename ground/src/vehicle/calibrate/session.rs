@@ -1,7 +1,7 @@
 //! A vehicle and the person who holds it: prompts, samples, progress, questions.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Result, bail};
 use calibration::prompt::Prompt;
@@ -138,10 +138,10 @@ impl Session {
     /// # Errors
     /// It does not; the error says what it waits for.
     pub fn await_standby(&mut self) -> Result<()> {
-        let begun = Instant::now();
+        let end = self.vehicle.now() + STANDBY;
         while self.vehicle.state() != Some(StateKind::Standby) {
             self.pump()?;
-            if begun.elapsed() > STANDBY {
+            if self.vehicle.now() > end {
                 bail!(
                     "the vehicle does not come to standby: {}",
                     self.vehicle.reason()
@@ -193,10 +193,10 @@ impl Session {
     /// # Errors
     /// The port went away, the sensor is silent, or the person wants an end.
     pub fn look(&mut self) -> Result<()> {
-        let (begun, from_s) = (Instant::now(), self.readings.length_s());
+        let (end, from_s) = (self.vehicle.now() + SILENCE, self.readings.length_s());
         while self.readings.length_s() - from_s < LOOK_S {
             self.pump()?;
-            if begun.elapsed() > SILENCE {
+            if self.vehicle.now() > end {
                 bail!("no samples from the sensor: {}", self.vehicle.reason());
             }
         }

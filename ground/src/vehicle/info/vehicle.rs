@@ -1,6 +1,6 @@
 //! What the vehicle tells of itself.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::Result;
 use client::status::sick;
@@ -73,8 +73,8 @@ pub fn ask_it(vehicle: &mut Vehicle, image: Option<&str>) -> Result<Told> {
     // What it tells is taken from the messages; an old one refuses.
     vehicle.link().client().request(now, version);
     let (mut build, mut status) = (None, None);
-    let end = Instant::now() + TOLD;
-    while (build.is_none() || status.is_none()) && Instant::now() < end {
+    let end = vehicle.now() + TOLD;
+    while (build.is_none() || status.is_none()) && vehicle.now() < end {
         for frame in vehicle.receive()? {
             match frame.message {
                 MavMessage::AUTOPILOT_VERSION(told) => build = Some(told),

@@ -36,7 +36,7 @@ use super::auth::{Once, Token};
 use super::handle::{Condition, Handle, Recording};
 use super::model::set_up::Step;
 use super::model::{Model, State, Test};
-use super::rig::{self, RigSocket};
+use super::rig::{self, RigControl};
 use super::vehicle_thread::guard;
 use super::{manoeuvre, report, set_up};
 use crate::vehicle::test::Manoeuvre;
@@ -129,7 +129,7 @@ pub struct Desk {
     /// What is known of the vehicle.
     pub model: Arc<Model>,
     vehicle: Handle,
-    rig: RigSocket,
+    rig: RigControl,
     /// Where logs are.
     pub logs: PathBuf,
     /// The program that makes reports.
@@ -152,7 +152,7 @@ impl Desk {
     pub fn new(
         (token, once): (Token, Once),
         vehicle: Handle,
-        rig: RigSocket,
+        rig: RigControl,
         logs: PathBuf,
         reporter: PathBuf,
         model: Arc<Model>,

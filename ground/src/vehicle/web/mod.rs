@@ -31,6 +31,7 @@ use clap::Args;
 use tokio::runtime;
 use tokio::time::sleep;
 
+use crate::flight::rig::here::OnRig;
 use crate::signals;
 use crate::vehicle::admission::Admission;
 use crate::vehicle::link::Link;
@@ -42,7 +43,7 @@ use auth::{Once, Token};
 use desk::Desk;
 use handle::Handle;
 use model::Model;
-use rig::RigSocket;
+use rig::RigControl;
 
 /// Time between two looks at whether the program is to end.
 const LOOK: Duration = Duration::from_millis(50);
@@ -103,7 +104,17 @@ pub fn run(options: &Web) -> Result<Verdict> {
     let stop = signals::on_signal()?;
     let listener = listen(options.listen)?;
     let address = listener.local_addr()?;
-    let link = Link::open(&options.port)?;
+    let (link, rig) = match &options.port.rig {
+        Some(choice) => {
+            let mut rig = OnRig::new(choice)?.in_real_time();
+            let control = RigControl::Here(rig.orderer());
+            (Link::at(rig), control)
+        }
+        None => {
+            let beside = RigControl::beside(options.port.port.as_deref());
+            (Link::open(&options.port)?, beside)
+        }
+    };
     let token = Token::new()?;
     let once = Once::new()?;
     // Behind # it stays in the browser: no request carries it, and no log.
@@ -111,7 +122,6 @@ pub fn run(options: &Web) -> Result<Verdict> {
     let (url, opened) = (url(token.text()), url(&once.text()));
     let model = Arc::new(Model::default());
     let (handle, asks) = Handle::new();
-    let rig = RigSocket::beside(options.port.port.as_deref());
     let desk = Desk::new(
         (token, once),
         handle,
@@ -162,7 +172,7 @@ pub fn run(options: &Web) -> Result<Verdict> {
                 match server::serve(listener, desk.clone(), &options.admission).await {}
             };
             let over = async {
-                while !signals::asked(stop, begun, longest) && !vehicle.is_finished() {
+                while !signals::asked(stop, begun.elapsed(), longest) && !vehicle.is_finished() {
                     sleep(LOOK).await;
                 }
                 Ok::<_, Error>(())

@@ -4,7 +4,7 @@
 
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 use client::Request;
@@ -17,17 +17,27 @@ use crate::vehicle::way::{Waited, Way};
 struct Relay {
     vehicle: Handle,
     frames: Receiver<Vec<u8>>,
+    begun: Instant,
 }
 
 /// A link through the thread that has the port.
 pub fn link(vehicle: Handle) -> Link {
     let frames = vehicle.listen();
-    Link::at(Relay { vehicle, frames }).without_heartbeat()
+    Link::at(Relay {
+        vehicle,
+        frames,
+        begun: Instant::now(),
+    })
+    .without_heartbeat()
 }
 
 impl Way for Relay {
     fn name(&self) -> &str {
         "the page's port"
+    }
+
+    fn now(&self) -> Duration {
+        self.begun.elapsed()
     }
 
     fn read(&mut self, patience: Duration) -> Result<Vec<u8>> {

@@ -1,31 +1,43 @@
-//! The virtual rig behind the port, if it is one that can be acted on: its socket stands beside the
-//! port (`tvc rig --pty --link`).
+//! The virtual rig behind the port, if it is one that can be acted on: it is in this process, or its
+//! socket stands beside the port (`tvc rig --pty --link`).
 
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
 use ::rig::action::{Action, HELP};
 use ::rig::bno055::FaultKind;
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, bail};
 use serde_json::{Value, json};
+use tokio::task::spawn_blocking;
 use tokio::time::{sleep, timeout};
 
 use super::model::Model;
-use crate::flight::rig::control_path;
+use crate::flight::rig::here::Order;
+use crate::flight::rig::{answer, control_path};
 
 /// Time between two looks at the rig.
 const LOOK: Duration = Duration::from_millis(200);
 /// Time for an answer.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// The place of the rig's socket.
+/// How the rig is acted on.
 #[derive(Clone, Debug)]
-pub struct RigSocket(Option<PathBuf>);
+pub enum RigControl {
+    /// There is no rig.
+    None,
+    /// By this socket.
+    Socket(PathBuf),
+    /// It is in this process.
+    Here(Sender<Order>),
+}
 
-impl RigSocket {
+impl RigControl {
     /// The socket beside a port; there is none beside a port that was not named.
     pub fn beside(port: Option<&str>) -> Self {
-        Self(port.map(|port| control_path(Path::new(port))))
+        port.map_or(Self::None, |port| {
+            Self::Socket(control_path(Path::new(port)))
+        })
     }
 
     /// Acts on the rig; how it is then.
@@ -33,19 +45,33 @@ impl RigSocket {
     /// # Errors
     /// There is no rig, it does not answer, or it refuses.
     pub async fn act(self, action: &str) -> Result<Value> {
-        let path = self.0.context("this port is no virtual rig")?;
-        let answer = timeout(PATIENCE, ask(&path, action)).await;
-        answer.context("the rig does not answer")?
+        let line = match self {
+            Self::None => bail!("this port is no virtual rig"),
+            Self::Socket(path) => timeout(PATIENCE, ask(&path, action))
+                .await
+                .context("the rig does not answer")??,
+            Self::Here(rig) => {
+                let (answer, told) = channel();
+                let ended = "the rig has ended";
+                rig.send((action.to_owned(), answer)).context(ended)?;
+                spawn_blocking(move || told.recv_timeout(PATIENCE))
+                    .await?
+                    .context(ended)?
+            }
+        };
+        answer(&line)
     }
 
     /// Keeps in the model how the rig is, for ever.
     pub async fn watch(self, model: &Model) {
-        while self.0.is_some() {
+        if matches!(self, Self::None) {
+            return std::future::pending().await;
+        }
+        loop {
             let look = self.clone().act("state").await.unwrap_or_default();
             model.lock().rig.renew(look);
             sleep(LOOK).await;
         }
-        std::future::pending().await
     }
 }
 
@@ -70,8 +96,7 @@ pub fn vocabulary() -> Value {
 }
 
 #[cfg(unix)]
-async fn ask(path: &Path, action: &str) -> Result<Value> {
-    use crate::flight::rig::answer;
+async fn ask(path: &Path, action: &str) -> Result<String> {
     use report::input::ANSWER;
     use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
     use tokio::net::UnixStream;
@@ -83,10 +108,10 @@ async fn ask(path: &Path, action: &str) -> Result<Value> {
     BufReader::new(stream.take(ANSWER))
         .read_line(&mut line)
         .await?;
-    answer(&line)
+    Ok(line)
 }
 
 #[cfg(not(unix))]
-async fn ask(_path: &Path, _action: &str) -> Result<Value> {
-    anyhow::bail!("this port is no virtual rig")
+async fn ask(_path: &Path, _action: &str) -> Result<String> {
+    bail!("this port is no virtual rig")
 }

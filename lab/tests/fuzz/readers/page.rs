@@ -13,7 +13,7 @@ use ground::vehicle::web::auth::{Once, Token};
 use ground::vehicle::web::desk::{Desk, Message};
 use ground::vehicle::web::handle::Handle;
 use ground::vehicle::web::model::Model;
-use ground::vehicle::web::rig::RigSocket;
+use ground::vehicle::web::rig::RigControl;
 use ground::vehicle::web::strangers::Strangers;
 use ground::vehicle::web::visitor::Visitor;
 use ground::vehicle::web::{server, vehicle_thread};
@@ -31,7 +31,7 @@ fn desk() -> Arc<Desk> {
     Arc::new(Desk::new(
         secrets,
         handle,
-        RigSocket::beside(None),
+        RigControl::beside(None),
         folder,
         "none".into(),
         Arc::default(),

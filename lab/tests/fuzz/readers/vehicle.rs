@@ -1,17 +1,15 @@
 //! What a vehicle sends, and what a ground station sends to it.
 
 use std::net::Ipv4Addr;
-use std::slice::Chunks;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
-use client::{Client, Frame, ServoMap, StatusTracker, Wire};
+use anyhow::{Result, bail};
+use client::{ServoMap, StatusTracker, Wire};
 use mavlink::dialects::common::{MavCmd, MavMessage};
 use tvc_nano::{Axis, Params};
 
 use super::{Outcome, expect};
 use ground::vehicle::admission::Admission;
-use ground::vehicle::bringup::target::Target;
 use ground::vehicle::forward::gate::Gate;
 use ground::vehicle::link::{Link, Vehicle};
 use ground::vehicle::signing::Signing;
@@ -29,12 +27,17 @@ const KEY: &[u8; 32] = b"a key that is stored in no input";
 struct Fed {
     bytes: Vec<u8>,
     at: usize,
+    now: Duration,
 }
 
 impl Fed {
     fn link(bytes: &[u8]) -> Link {
         let bytes = bytes.to_vec();
-        Link::at(Self { bytes, at: 0 })
+        Link::at(Self {
+            bytes,
+            at: 0,
+            now: Duration::ZERO,
+        })
     }
 }
 
@@ -43,7 +46,12 @@ impl Way for Fed {
         "input"
     }
 
-    fn read(&mut self, _: Duration) -> Result<Vec<u8>> {
+    fn now(&self) -> Duration {
+        self.now
+    }
+
+    fn read(&mut self, patience: Duration) -> Result<Vec<u8>> {
+        self.now += patience;
         let rest = &self.bytes[self.at..];
         let Some(next) = rest.chunks(AT_A_TIME).next() else {
             bail!("it went away");
@@ -57,57 +65,12 @@ impl Way for Fed {
     }
 }
 
-/// A board that sends these bytes, some every turn of a clock of its own, and then stops.
-struct FedBoard<'a> {
-    parts: Chunks<'a, u8>,
-    client: Client,
-    now: Duration,
-}
-
-impl<'a> FedBoard<'a> {
-    /// These bytes.
-    fn new(bytes: &'a [u8]) -> Self {
-        Self {
-            parts: bytes.chunks(100),
-            client: Client::default(),
-            now: Duration::ZERO,
-        }
-    }
-}
-
-impl Target for FedBoard<'_> {
-    fn client(&mut self) -> &mut Client {
-        &mut self.client
-    }
-
-    fn now(&self) -> Duration {
-        self.now
-    }
-
-    fn turn(&mut self) -> Result<Vec<Frame>> {
-        self.now += Duration::from_millis(20);
-        self.client.poll(self.now);
-        while self.client.outgoing().is_some() {}
-        let part = self.parts.next().context("nothing comes any more")?;
-        Ok(self.client.receive(self.now, part))
-    }
-
-    fn reopen(&mut self) -> Result<()> {
-        self.client = Client::default();
-        Ok(())
-    }
-
-    fn press_reset(&mut self) -> bool {
-        true
-    }
-}
-
 /// A vehicle that is asked for one thing or another. What it refuses, and that it goes away, is its
 /// own affair.
 pub fn asked(bytes: &[u8], number: u64) -> Outcome {
     if number % 6 == 5 {
         // That it stops is no fault of this program.
-        let _ = bringup::examine(&mut FedBoard::new(bytes), false);
+        let _ = bringup::examine(Fed::link(bytes), false);
         return Ok(());
     }
     let Ok(mut vehicle) = Vehicle::at(Fed::link(bytes)) else {

@@ -1,0 +1,87 @@
+//! A rig with the person at it: the [`Pilot`] does what the image and the ground station ask for,
+//! and what other programs order by hand.
+
+use samd21::board::Ticks;
+use serde_json::json;
+
+use crate::fly::action::Action;
+use crate::fly::pilot::Pilot;
+use crate::rig::{Rig, RigError};
+
+/// Time after which a chip in its bootloader is power-cycled; nothing here can program it.
+const BOOTLOADER: Ticks = Ticks::from_ms(2000);
+
+/// A rig and the person at it.
+pub struct Attended {
+    /// The rig.
+    pub rig: Rig,
+    /// The person.
+    pub pilot: Pilot,
+    /// When the bootloader was first seen to run, while it does.
+    bootloader: Option<Ticks>,
+}
+
+impl Attended {
+    /// A rig and its pilot.
+    pub fn new(rig: Rig, pilot: Pilot) -> Self {
+        Self {
+            rig,
+            pilot,
+            bootloader: None,
+        }
+    }
+
+    /// Runs for `time`, after the station has sent `typed`. Gives the bytes that the image has
+    /// sent; `report` gets lines to show to a person, with the rig's time, s.
+    ///
+    /// # Errors
+    /// The rig stopped.
+    pub fn run_for(
+        &mut self,
+        time: Ticks,
+        typed: &[u8],
+        report: &mut dyn FnMut(f64, &str),
+    ) -> Result<Vec<u8>, RigError> {
+        self.rig.usb_write(typed);
+        self.pilot.on_station_bytes(&mut self.rig, typed);
+        self.rig.run_for(time)?;
+        let sent = self.rig.usb_read();
+        let now_s = self.rig.now().as_secs_f64();
+        for line in self.pilot.on_image_bytes(&mut self.rig, &sent) {
+            report(now_s, &line);
+        }
+        self.leave_bootloader(report);
+        Ok(sent)
+    }
+
+    /// Does what a line orders ([`Action`]); how the rig is then, or why not, as a line of JSON.
+    pub fn act(&mut self, line: &str, report: &mut dyn FnMut(f64, &str)) -> String {
+        let (rig, pilot) = (&mut self.rig, &mut self.pilot);
+        let done = line.parse().and_then(|action: Action| {
+            if action != Action::Look {
+                report(rig.now().as_secs_f64(), &format!("by hand: {line}"));
+            }
+            pilot.act(rig, &action)
+        });
+        match done {
+            Ok(()) => json!(pilot.look(rig)).to_string(),
+            Err(error) => json!({ "error": error }).to_string(),
+        }
+    }
+
+    /// Power-cycles a chip that has been in its bootloader for [`BOOTLOADER`].
+    fn leave_bootloader(&mut self, report: &mut dyn FnMut(f64, &str)) {
+        if !self.rig.in_bootloader() {
+            self.bootloader = None;
+            return;
+        }
+        let now = self.rig.now();
+        if now - *self.bootloader.get_or_insert(now) >= BOOTLOADER {
+            report(
+                now.as_secs_f64(),
+                "in its bootloader, with nothing to program it: power-cycled",
+            );
+            self.rig.power_cycle();
+        }
+    }
+}
