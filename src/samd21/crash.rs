@@ -20,6 +20,7 @@ use atsamd_hal::pac;
 use cortex_m_rt::{ExceptionFrame, exception};
 use tvc_nano::{Axis, Crash, SelfCheck};
 
+use super::registers::restore_clocks;
 use super::{dfll, frame, time, usb, watchdog};
 
 /// Marks a record, and its layout's version.
@@ -129,6 +130,8 @@ fn end(kind: u32, detail: u32) -> ! {
     if watchdog::is_running() {
         const BROKEN: u32 = SelfCheck::Registers.code() as u32;
         watchdog::hold_off();
+        restore_clocks();
+        dfll::restore();
         frame::end_in_neutral(kind == SELF_CHECK && detail == BROKEN);
         watchdog::hold_off();
         time::delay_us(LAST_PULSES_US);

@@ -36,8 +36,6 @@ impl DfllCheck {
         let dfll = sysctrl();
         let is_kept = self.fine == !self.complement;
         if coarse() != calibrated_coarse() || dfll.dfllctrl().read().bits() != DFLL_CONTROL {
-            // The pulses up to the reset are to be right.
-            set_fine(if is_kept { self.fine } else { fine() });
             return Err(SelfCheck::Clock);
         }
         if is_kept && fine().abs_diff(self.fine) > FINE_JUMP {
@@ -49,6 +47,12 @@ impl DfllCheck {
         dfll.dfllsync().write(|w| w.readreq().set_bit());
         Ok(())
     }
+}
+
+/// Has the DFLL run at its frequency, should a register have lost that: the pulses up to a reset are
+/// to be right.
+pub(crate) fn restore() {
+    set_fine(fine());
 }
 
 /// Whether processor and timer run at 48 MHz as far as registers tell: what a start with a damaged

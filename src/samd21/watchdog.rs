@@ -18,7 +18,7 @@ use tvc_imu::Micros;
 use tvc_nano::watchdog::Work;
 
 use super::registers::restore_clocks;
-use super::time::{now, within};
+use super::time::{delay_us, now, within};
 use super::{crash, frame, stack};
 
 /// 128 cycles of 1,024 Hz: 125 ms.
@@ -27,6 +27,8 @@ const TIMEOUT: pac::wdt::config::Perselect = pac::wdt::config::Perselect::_128;
 const EARLY_WARNING: pac::wdt::ewctrl::Ewoffsetselect = pac::wdt::ewctrl::Ewoffsetselect::_64;
 /// Writes to the watchdog at start-up wait so long for the one before: three times what it takes.
 const SYNC_LIMIT_US: u64 = 15_000;
+/// Longest time for which the window is closed: 8 cycles of an oscillator that is 13 % slow.
+const CLOSED_US: u32 = 9_500;
 /// The key that clears it. Any other value resets the chip.
 const CLEAR_KEY: u8 = 0xA5;
 
@@ -52,7 +54,11 @@ impl WatchdogGuard {
             work: Work::new(now()),
         };
         guard.settle();
-        guard.watchdog.config().write(|w| w.per().variant(TIMEOUT));
+        // In window mode it is closed for 8 ms.
+        guard
+            .watchdog
+            .config()
+            .write(|w| w.per().variant(TIMEOUT).window()._8());
         guard.settle();
         guard
             .watchdog
@@ -67,7 +73,7 @@ impl WatchdogGuard {
     /// Feed the watchdog if the loop has done its work, and the stack has not grown into the
     /// statics.
     pub(crate) fn check(&mut self, now: Micros) {
-        if self.work.is_done(now) && !self.is_synchronising() {
+        if self.work.is_done(now) && !self.is_synchronising() && !is_windowed() {
             stack::check();
             feed(&self.watchdog);
             self.work.fed(now);
@@ -110,6 +116,9 @@ pub(crate) fn is_running() -> bool {
 /// Feed the watchdog of a vehicle that does nothing but wait, with its servos at neutral.
 pub(crate) fn hold_off() {
     let watchdog = registers();
+    if is_windowed() {
+        delay_us(CLOSED_US);
+    }
     if watchdog.status().read().syncbusy().bit_is_clear() {
         feed(watchdog);
     }
@@ -118,6 +127,11 @@ pub(crate) fn hold_off() {
 fn feed(watchdog: &pac::wdt::RegisterBlock) {
     // SAFETY: the one key that clears.
     watchdog.clear().write(|w| unsafe { w.bits(CLEAR_KEY) });
+}
+
+/// Whether a flipped bit has turned window mode on, in which an early feed resets.
+fn is_windowed() -> bool {
+    registers().ctrl().read().wen().bit_is_set()
 }
 
 fn registers() -> &'static pac::wdt::RegisterBlock {

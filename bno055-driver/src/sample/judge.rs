@@ -19,8 +19,9 @@
 //!
 //! A wrong bit in the midst of a word cannot be told from a motion. Bursts that show what is rare
 //! in a sound one are [suspect](Evidence::Suspect), and the driver sets a chip up anew that gives
-//! several suspect or refused bursts in a short time. A field has no range and no limit to its
-//! jumps: a magnet that is carried past moves it as far and as fast as a wrong bit does.
+//! several suspect or refused bursts in a short time. A field has no range: a magnet that is carried
+//! past moves it as far as a wrong bit does. But one burst in five refreshes it, so a field that
+//! jumps in two bursts in a row is suspect.
 
 use super::still::Still;
 use super::{RATES, Words, rates_burst, words};
@@ -51,6 +52,10 @@ const DISTURBED_JUMP: u16 = 256;
 /// counts in all units).
 const NEAR: [u16; 3] = [200, 80, 64];
 
+/// A field that moves by more than this in two bursts in a row is suspect: 20 uT. The magnetometer
+/// is refreshed in one burst of five.
+const FIELD_JUMP: u16 = 320;
+
 /// Place of the magnetometer among the sensors of a burst.
 const MAG: usize = 1;
 
@@ -64,6 +69,8 @@ pub(crate) struct Inspector {
     still: Still,
     /// Rates of the last burst, if they were held back.
     held: Option<[i16; 3]>,
+    /// Whether the field jumped in the last whole burst.
+    field_jumped: bool,
 }
 
 /// A burst that was believed.
@@ -145,6 +152,11 @@ impl Inspector {
         if let Some(good) = good {
             let [acc, mag, gyr] = ones_from_afar(&good, &now);
             is_suspect |= acc || mag || gyr;
+            if whole {
+                let jumps = moved(&good.0[MAG], &sample.mag, FIELD_JUMP);
+                is_suspect |= jumps && self.field_jumped;
+                self.field_jumped = jumps;
+            }
             if !is_confirmed && (gyr || moved(&good.gyr(), &sample.gyr, jump)) {
                 self.held = Some(sample.gyr);
                 sample.gyr = good.gyr();

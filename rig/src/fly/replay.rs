@@ -131,18 +131,18 @@ fn score(rig: &Rig, recording: &Recording, pairs: &[(RawImu, Attitude)]) -> (Opt
     let mut before = None;
     for (sample, attitude) in pairs {
         // Bursts and messages come in the same order; bursts may be left over. Rates that jump are
-        // held for one burst, whose sample has the rates of the burst before.
-        let (words, mut ahead, mut last) = (sample.words(), bursts.clone(), before);
+        // held: their sample has the rates of the sample before.
+        let (words, mut ahead) = (sample.words(), bursts.clone());
+        let is_held = before.replace(sample.gyr) == Some(sample.gyr);
         let found = ahead.find(|burst| {
-            let [rest @ .., x, y, z] = burst.words;
-            let held = last.replace([x, y, z]).unwrap_or_default();
-            burst.words == words || words.starts_with(&rest) && words.ends_with(&held)
+            let [rest @ .., _, _, _] = burst.words;
+            burst.words == words || is_held && words.starts_with(&rest)
         });
         let Some(burst) = found else {
             unmatched += 1;
             continue;
         };
-        (bursts, before) = (ahead, last);
+        bursts = ahead;
         let shown = burst.refresh.recorded.map(|i| recording.samples()[i]);
         if let Some(truth) = shown
             && truth.movement
