@@ -1,10 +1,10 @@
 //! The complementary filter, on quaternions.
 //!
-//! The rates are high-passed and the directions of gravity and of the horizontal field low-passed
-//! with the same time constant: at each sample the estimate moves the share `dt / (tau + dt)` of
-//! the way to the attitude that accelerometer and magnetometer show. Written as a rotation, that
-//! has no singularity. In the usual form with weights `w` for the gyroscope and `1 - w` for the
-//! other sensors, `tau = dt w / (1 - w)`: see [`ComplementaryGains::from_weight`].
+//! At each sample the estimate moves the share `dt / (tau + dt)` of the way to the attitude that
+//! accelerometer and magnetometer show. That high-passes the rates and low-passes the directions
+//! with the same time constant. The move is a rotation, so it has no singularity. The usual form
+//! has weights `w` for the gyroscope and `1 - w` for the other sensors: `tau = dt w / (1 - w)`, see
+//! [`ComplementaryGains::from_weight`].
 
 use crate::error::{ConfigError, in_range};
 use crate::filter::{Filter, View};

@@ -1,4 +1,4 @@
-//! What can be set, in SI units.
+//! Settings, in SI units.
 
 use crate::field::FieldConfig;
 use crate::rest::RestConfig;
@@ -6,8 +6,8 @@ use crate::rest::RestConfig;
 /// Standard gravity, m/s^2.
 pub const GRAVITY: f32 = 9.806_65;
 
-/// Configuration of an [`Estimator`](crate::Estimator): the filter's own gains, and what all
-/// filters share.
+/// Configuration of an [`Estimator`](crate::Estimator): the filter's gains, and the settings of all
+/// filters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -22,33 +22,32 @@ pub struct Config<G> {
     pub rest: RestConfig,
     /// Magnetic field: gate and reference.
     pub field: FieldConfig,
-    /// The accelerometer is ignored while its magnitude is further than this from standard gravity,
-    /// as a fraction of it; `f32::INFINITY`, the default, lets everything pass but free fall. A
-    /// narrow gate harms filters that average the acceleration as a vector: what it lets pass has
-    /// no mean of zero.
+    /// Largest accepted deviation of the acceleration's magnitude from standard gravity, as a
+    /// fraction of it. `f32::INFINITY`, the default, lets everything pass but free fall. A narrow
+    /// gate harms filters that average the acceleration as a vector: the accepted part of a motion
+    /// has no mean of zero.
     pub acc_gate: f32,
-    /// The gyroscope's full scale, rad/s: larger rates have clipped and are clamped. A lower limit
-    /// shows itself in the data.
+    /// The gyroscope's full scale, rad/s: larger rates have clipped and are clamped. The filter
+    /// finds a lower limit in the data.
     pub gyro_range_rad_s: f32,
-    /// How fast the accelerometer finds the attitude again when clipping or a gap has made it
-    /// uncertain, rad^2 s: the noise of the vertical that it shows in motion, as a density (0.28
-    /// rad for 0.25 s).
+    /// Noise of the vertical that the accelerometer shows in motion, as a density, rad^2 s (0.28
+    /// rad for 0.25 s). It sets the pace of recovery after clipping or a gap.
     pub recovery_rad2_s: f32,
-    /// Two samples further apart than this are a gap: the motion between is unknown (s).
+    /// Two samples further apart than this are a gap, s: the motion between them is unknown.
     pub gap_s: f32,
     /// After this time of averaging the attitude counts as initialised (s).
     pub start_up_s: f32,
-    /// Age of the gyroscope's samples, s: -0.1 to 0.1. The attitude is given for the present, ahead
-    /// of the rates by this.
+    /// Age of the gyroscope's samples, s: -0.1 to 0.1. The attitude is ahead of the rates by this
+    /// time.
     pub gyr_lag_s: f32,
-    /// Age of the accelerometer's samples less that of the rates, s: -0.1 to 0.1. Low-pass filters
-    /// differ; the accelerometer's mostly has the lower cut-off.
+    /// Age of the accelerometer's samples less the rates' age, s: -0.1 to 0.1. The accelerometer's
+    /// low-pass filter mostly has the lower cut-off.
     pub acc_lag_s: f32,
-    /// Age of the magnetometer's samples less that of the rates, s: -0.1 to 0.1.
+    /// Age of the magnetometer's samples less the rates' age, s: -0.1 to 0.1.
     pub mag_lag_s: f32,
-    /// How firmly `mag_lag_s` stands against the lag that the field shows while the body turns,
-    /// rad^2/s: square of the rate across the field, times time. `f32::INFINITY` learns nothing; in
-    /// fixed point only an estimator with recovery learns.
+    /// Weight of `mag_lag_s` against the lag that the field shows while the body turns, rad^2/s:
+    /// square of the rate across the field, times time. `f32::INFINITY` learns nothing. Fixed point
+    /// never learns the lag.
     pub mag_lag_prior_rad2_s: f32,
     /// Magnetic declination, east positive (rad). With it, north is geographic.
     pub declination_rad: f32,
@@ -80,7 +79,7 @@ impl<G> Config<G> {
         }
     }
 
-    /// The same for sensors of one instant, as a simulation has them: no lag, and none learned.
+    /// The same settings for sensors without lag, as in a simulation; the filter learns no lag.
     pub fn without_lags(self) -> Self {
         Self {
             gyr_lag_s: 0.0,

@@ -1,4 +1,4 @@
-//! What a configuration is refused with, and the checks that refuse it.
+//! The error for a wrong configuration, and the checks that return it.
 
 use core::fmt;
 
@@ -20,7 +20,7 @@ impl fmt::Display for ConfigError {
 
 impl core::error::Error for ConfigError {}
 
-/// `is_right`, or the parameter is refused.
+/// An error with the parameter's name unless `is_right`.
 #[inline(always)]
 pub(crate) fn require(is_right: bool, name: &'static str) -> Result<(), ConfigError> {
     is_right.then_some(()).ok_or(ConfigError::OutOfRange(name))

@@ -1,11 +1,12 @@
-//! The magnetic field as a compass: when to trust it, and how far the heading is off.
+//! The magnetic field as a compass: when to trust it, and the heading error that it shows.
 //!
-//! Only the heading is ever taken from the magnetometer, so that no disturbance reaches roll or
-//! pitch. The field is split, in the estimated earth frame, into its horizontal and its vertical
-//! part; both are compared with a reference that is averaged at start-up and followed slowly. A
-//! field that differs is a disturbance and is ignored, until either it has stayed the same while
-//! the body turned (then the place has changed, and it becomes the reference) or it has lasted so
-//! long that the drift of the heading would be worse than the field's error.
+//! The magnetometer corrects the heading only, so no disturbance reaches roll or pitch. The filter
+//! compares the field's horizontal and vertical part, in the estimated earth frame, with a
+//! reference. The reference is averaged at start-up and follows slowly. A field that differs is a
+//! disturbance, and the filter ignores it until one of two events. If the field has stayed the same
+//! while the body turned, the place has changed, and the field becomes the reference. If the
+//! disturbance has lasted long, the heading's drift would be worse than the field's error, and the
+//! heading follows it.
 
 use core::f32::consts::PI;
 
@@ -21,29 +22,28 @@ use crate::vector::{dot, within};
 settings! {
     /// Handling of the magnetometer.
     pub struct FieldConfig {
-        /// A field that is further than this from the reference, horizontally or vertically, is
-        /// disturbed: as a fraction of the reference's magnitude. `f32::INFINITY` lets every field
-        /// pass.
+        /// Largest horizontal or vertical deviation of an undisturbed field from the reference, as
+        /// a fraction of the reference's magnitude. `f32::INFINITY` lets every field pass.
         gate: f32 = 0.2,
         /// Time constant with which the reference follows an undisturbed field, s.
         tau_s: f32 = 20.0,
-        /// A different field becomes the reference when it has stayed the same for this long while
-        /// turning, s.
+        /// Time of turning for which a different field must stay the same to become the reference,
+        /// s.
         adopt_s: f32 = 20.0,
         /// Slowest turning that counts for adopting, rad/s.
         adopt_rate_rad_s: f32 = 0.35,
-        /// A disturbance is ignored for at most this long, s; after it the heading follows at half
+        /// Longest time for which a disturbance is ignored, s. After it the heading follows at half
         /// the gain.
         reject_s: f32 = 60.0,
     }
 }
 
-/// How far the heading is off: the angle from the estimated direction of the horizontal field to
-/// where it should be, positive from north to east.
+/// Heading error: the angle from the estimated direction of the horizontal field to its reference,
+/// positive from north to east.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeadingError<T> {
-    /// Sine of the angle for a field as strong as the reference, at most 1 in size; +-1 beyond a
-    /// right angle. Halved when the field is disturbed and has been for too long to be ignored.
+    /// Sine of the angle for a field as strong as the reference; +-1 beyond a right angle. Half of
+    /// it when a disturbance has lasted too long to be ignored.
     pub sin: T,
     /// The field is like the reference.
     pub undisturbed: bool,
@@ -52,7 +52,7 @@ pub struct HeadingError<T> {
 /// Horizontal and vertical part of the field, both taken with half rows (uT/2).
 type Parts<T> = [T; 2];
 
-/// Of a field with these components in the earth frame, at half size.
+/// The parts of a field with these components in the earth frame, at half size.
 #[inline(always)]
 fn parts<T: Real>(north: T, east: T, down: T) -> Parts<T> {
     [(north * north + east * east).sqrt(), down]
@@ -77,7 +77,7 @@ pub(crate) struct Field<T> {
     declination: Option<Declination<T>>,
     lag: FieldLag<T>,
     reference: Option<Reference<T>>,
-    /// Samples that the reference stands on, while it is being averaged.
+    /// Samples in the reference's average so far.
     averaged: u32,
     /// A field unlike the reference, and for how long it has stayed the same while the body turned,
     /// s.
@@ -105,26 +105,26 @@ struct Reference<T> {
     inverse_horizontal: T,
 }
 
-/// Interval at which the reference's reciprocals are computed again, s: that costs a root and two
+/// Interval at which the reference's reciprocals are renewed, s: each time costs a root and two
 /// divisions.
 const REFRESH_S: f32 = 0.25;
 
 /// Interval at which the field is judged, s: 25 to 35 times a second are enough.
 pub(crate) const JUDGE_S: f32 = 0.027;
 
-/// Fewest field samples between two judgements: in fixed point those that work on one leave the
-/// heading alone.
+/// Fewest field samples between two judgements. In fixed point, the samples of a judgement do not
+/// correct the heading.
 pub(crate) const JUDGE_SAMPLES: u8 = 8;
 
-/// Horizontal field below which a compass has no direction, uT. So small that a field in gauss, or
-/// in parts of the earth's, serves as well.
+/// Horizontal field below which a compass has no direction, uT. A field in gauss, or in parts of
+/// the earth's, is large enough too.
 pub(crate) const MIN_HORIZONTAL_UT: f32 = 0.03;
 
 /// Largest plausible field component, uT: a thousand times the earth's.
 const MAX_UT: f32 = 50_000.0;
 
-/// The weight of a field up to a deviation in parts of the gate: in steps, so that fixed point does
-/// the same without a division.
+/// The weight of a field up to a deviation in parts of the gate, in steps, as fixed point has it
+/// without a division.
 const STEPS: [(f32, f32); 4] = [(0.25, 1.0), (0.5, 0.75), (0.75, 0.5), (1.0, 0.25)];
 
 /// Judged samples averaged into the reference before the gate works.
@@ -172,8 +172,8 @@ impl<T: Real> Field<T> {
         positive(config.reject_s, "field.reject_s")?;
         in_range(declination_rad, -PI, PI, "declination_rad")?;
         Ok(Self {
-            // Infinity times zero would be NaN: a gate a million times the field is as good as
-            // none.
+            // Infinity times zero would be NaN. A gate a million times the field lets every field
+            // pass.
             gate: T::from_f32(config.gate.min(1e6)),
             per_tau: T::from_f32(1.0 / config.tau_s),
             adopt_s: T::from_f32(config.adopt_s),
@@ -181,8 +181,7 @@ impl<T: Real> Field<T> {
             reject_s: T::from_f32(config.reject_s),
             declination: (declination_rad != 0.0).then(|| {
                 let rad = T::from_f32(declination_rad);
-                // The sine and the cosine of the whole angle, from half of it, without a table of
-                // either.
+                // Sine and cosine of an angle from those of half of it, without a table.
                 let half = Quaternion::from_rotation_vector(&[T::ZERO, T::ZERO, rad]);
                 let (sin, cos) = (half.w * half.z, T::HALF - half.z * half.z);
                 Declination {
@@ -197,7 +196,7 @@ impl<T: Real> Field<T> {
         })
     }
 
-    /// For going back in time: the reference is known, and the lag, which learns no more.
+    /// For going back in time: reference and lag are known, and the lag is not learned.
     #[cfg(feature = "offline")]
     pub(crate) fn reversed(&self) -> Self {
         Self {
@@ -253,7 +252,7 @@ impl<T: Real> Field<T> {
         Some(T::ONE + ratio * ratio)
     }
 
-    /// How late the field is behind the rates, s.
+    /// Lag of the field behind the rates, s.
     pub(crate) fn lag_s(&self) -> T {
         self.lag.lag_s()
     }
@@ -263,10 +262,9 @@ impl<T: Real> Field<T> {
         self.declination.map(|declination| declination.rad)
     }
 
-    /// The heading error that one field sample shows (uT, body frame), with the earth's axes at
-    /// half length, `dt` the time since the last field sample and `rate` the rotation rate now
-    /// (rad/s). `None`: disturbed, or not known yet.
-    /// The lag is learned from rates that are `trusted`.
+    /// The heading error that one field sample shows (uT, body frame). The earth's axes are at half
+    /// length, `dt` is the time since the last field sample, and `rate` the rotation rate now
+    /// (rad/s). `None`: disturbed, or not known yet. Only `trusted` rates teach the lag.
     #[inline(always)]
     pub(crate) fn heading(
         &mut self,
@@ -298,7 +296,7 @@ impl<T: Real> Field<T> {
         })
     }
 
-    /// A field that is like the reference to its full weight shows how late it is.
+    /// A field of full weight shows its lag.
     fn learn_lag(&mut self, rows: &HalfRows<T>, mag: &[T; 3], rate: &[T; 3]) {
         if let Some(reference) = &self.reference
             && self.averaged == AVERAGED
@@ -320,7 +318,7 @@ impl<T: Real> Field<T> {
         self.weigh();
     }
 
-    /// The factor from the field's part across to the weighted sine of the heading error.
+    /// The factor from the field's transverse part to the weighted sine of the heading error.
     fn weigh(&mut self) {
         let reference = self.reference.as_ref();
         let inverse = reference.map_or(T::ZERO, |field| field.inverse_horizontal);
@@ -364,7 +362,7 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// A field unlike the reference: does it stay the same while the body turns?
+    /// Whether a field unlike the reference stays the same while the body turns.
     #[cold]
     #[inline(never)]
     fn consider(&mut self, parts: &Parts<T>, rate: &[T; 3]) {
@@ -385,8 +383,8 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// Sine of the angle from the field to where it should be, times the weight; +-1 times the
-    /// weight beyond a right angle.
+    /// Sine of the angle from the field to its reference, times the weight; +-1 times the weight
+    /// beyond a right angle.
     #[inline(always)]
     fn weighted_sine(&self, north: T, east: T) -> T {
         let (along, across) = match self.declination {
@@ -404,8 +402,8 @@ impl<T: Real> Field<T> {
     }
 }
 
-/// Whether a magnetometer sample can be used at all: finite, not zero, and no larger than a magnet
-/// or a motor makes it.
+/// Whether a magnetometer sample is usable: finite, not zero, and within the field of a magnet or a
+/// motor.
 pub(crate) fn plausible<T: Real>(mag: &[T; 3]) -> bool {
     within(mag, T::from_f32(MAX_UT)) && !within(mag, T::from_f32(MIN_HORIZONTAL_UT))
 }

@@ -1,7 +1,7 @@
-//! For whoever writes a filter: what it is given, and what it gives back.
+//! Filters of your own: their input and output.
 //!
-//! A type that implements [`Filter`] runs in an [`Estimator`](crate::Estimator), as
-//! the filters of this crate do. One that corrects the tilt alone, as Mahony's:
+//! A type that implements [`Filter`] runs in an [`Estimator`](crate::Estimator). This filter
+//! corrects the tilt alone, as Mahony's does:
 //!
 //! ```
 //! use tvc_fusion::filter::{Real, View};
@@ -52,12 +52,11 @@ pub struct View<T> {
     pub rows: HalfRows<T>,
     /// Specific force, m/s^2, when it has passed the gate.
     pub acc: Option<[T; 3]>,
-    /// Heading error, when there is a fresh and undisturbed field.
+    /// Heading error of a fresh and undisturbed field.
     pub heading: Option<HeadingError<T>>,
     /// Time since the last field sample, s.
     pub mag_dt: T,
-    /// Least correction rate, 1/s: that of a running mean while starting up and after trouble, else
-    /// 0.
+    /// Least correction rate, 1/s: a running mean's in start-up and after trouble, else 0.
     pub floor: T,
     /// The first averaging is not over yet.
     pub starting: bool,
@@ -74,16 +73,16 @@ impl<T: Real> View<T> {
         if floor.within(gain) { gain } else { floor }
     }
 
-    /// The share of the heading error that is corrected at a gain (1/s) or the floor: of what has
-    /// come about since the last field, and never more than all of it.
+    /// The share of the heading error to correct at a gain (1/s) or the floor, for the time since
+    /// the last field, at most all of it.
     #[inline(always)]
     pub fn heading_share(&self, per_s: T) -> T {
         (self.gain(per_s, T::ONE) * self.mag_dt).at_most(T::ONE)
     }
 }
 
-/// A filter computes the correction of the estimate from what the sensors show. Integration,
-/// start-up, gates, offset at rest and recovery are the [`Estimator`](crate::Estimator)'s.
+/// A filter computes the correction of the estimate from the sensors. The
+/// [`Estimator`](crate::Estimator) has integration, start-up, gates, offset at rest and recovery.
 pub trait Filter: Sized {
     /// The scalar it runs on.
     type Real: Real;
@@ -103,10 +102,10 @@ pub trait Filter: Sized {
     /// A gain out of range, by name.
     fn new(gains: &Self::Gains) -> Result<Self, ConfigError>;
 
-    /// Take other gains; what has been averaged so far is kept.
+    /// Take other gains; the averages so far stay.
     ///
     /// # Errors
-    /// A gain out of range, by name; then nothing is changed.
+    /// The name of a gain out of range; nothing changes then.
     fn retune(&mut self, gains: &Self::Gains) -> Result<(), ConfigError> {
         *self = Self::new(gains)?;
         Ok(())

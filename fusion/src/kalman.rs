@@ -1,10 +1,10 @@
 //! A multiplicative extended Kalman filter of attitude and gyroscope offset.
 //!
 //! F. L. Markley, "Attitude error representations for Kalman filtering", J. Guidance, Control and
-//! Dynamics 26(2), 2003: the quaternion is integrated outside of the filter, whose state is the
-//! error of the attitude as a rotation vector and the error of the offset. Both are given to
-//! quaternion and offset with every step, and so are always zero again. Here the rotation vector
-//! stands in the earth frame, where it does not turn with the body: with `R` body to earth,
+//! Dynamics 26(2), 2003. The filter's state is the error of the attitude, as a rotation vector, and
+//! the error of the offset. Each step moves both errors into quaternion and offset, which leaves a
+//! state of zero. Here the rotation vector stands in the earth frame, where it does not turn with
+//! the body. With `R` body to earth,
 //!
 //! ```text
 //! d theta/dt = -R db + noise      true = exp(theta) estimated, true offset = estimated + db
@@ -13,9 +13,8 @@
 //! heading error = theta_down + noise
 //! ```
 //!
-//! The noise of the rates grows with them: what the scale and the alignment of a gyroscope are
-//! wrong by is the larger part of it in motion. As everywhere here the acceleration is not
-//! normalised, and the field turns the heading only.
+//! The noise of the rates grows with the rates, by the errors of a gyroscope's scale and alignment.
+//! The acceleration is not normalised, and the field turns the heading only.
 
 use crate::config::GRAVITY;
 use crate::error::{ConfigError, in_range, positive};
@@ -28,13 +27,13 @@ use crate::vector::{
 };
 
 settings! {
-    /// Noise of [`Kalman`], as densities: variance times the time for which noise stays the same.
+    /// Noise of [`Kalman`], as densities: variance times correlation time.
     pub struct KalmanGains {
         /// Of the rates at rest, rad^2/s.
         gyr_rad2_s: f32 = 3e-4,
-        /// What it grows by with the rate, s: rad^2/s per (rad/s)^2.
+        /// Growth of that noise with the rate, s: rad^2/s per (rad/s)^2.
         gyr_scale_s: f32 = 3e-5,
-        /// Of the offset's walk, (rad/s)^2/s.
+        /// Of the offset's random walk, (rad/s)^2/s.
         bias_rad2_s3: f32 = 1e-10,
         /// Deviation of an offset that is not known yet, per axis, rad/s.
         bias_rad_s: f32 = 0.03,
@@ -178,8 +177,7 @@ impl<T: Real> Kalman<T> {
         add_diagonal(&mut self.offset, self.bias_walk * dt);
     }
 
-    /// While starting up and after trouble the attitude is as uncertain as makes its gain that of
-    /// the running mean.
+    /// In start-up and after trouble, the attitude's variance gives the gain of the running mean.
     fn widen(&mut self, view: &View<T>) {
         if view.floor.within(T::ZERO) {
             return;
@@ -233,8 +231,8 @@ mod tests {
         }
     }
 
-    /// Without an offset the variance P of an axis follows dP/dt = Q - P^2 / R, and ends at the
-    /// root of Q R. Nothing shows the heading, whose variance is time times Q.
+    /// Without an offset, the variance P of an axis follows dP/dt = Q - P^2 / R and ends at the
+    /// root of Q R. Nothing shows the heading: its variance is time times Q.
     #[test]
     fn the_covariance_is_that_of_the_riccati_equation() {
         let gains = KalmanGains {
@@ -260,12 +258,12 @@ mod tests {
         assert_eq!(kalman.offset, [[0.0; 3]; 3]);
     }
 
-    /// The first correction is P / (P + R/dt) of the error, about the axis that it is about.
+    /// The first correction is P / (P + R/dt) of the error, about the error's axis.
     #[test]
     fn a_tilt_is_corrected_about_its_axis() {
         let mut kalman = Kalman::<f64>::new(&KalmanGains::default()).expect("valid");
         let (dt, tilt) = (0.01, 0.02f64);
-        // The body is really turned by `tilt` about north: up is seen at sin(tilt) to the west.
+        // The true attitude is turned by `tilt` about north: up is seen at sin(tilt) to the west.
         let up = f64::from(GRAVITY);
         let view = View {
             acc: Some(Vector3::new(0.0, -tilt.sin() * up, -tilt.cos() * up).into()),

@@ -1,26 +1,24 @@
 //! Sensors that show an earlier attitude than the gyroscope.
 //!
-//! Filters and conversion times make a sample of one sensor older than that of another. A vector
-//! `v` that stands still in the earth frame changes in the body frame by `dv/dt = v x w` at the
-//! rotation rate `w`, so that one seen `lag` ago is now, to second order,
+//! Filters and conversion make the samples of one sensor older than another's. A vector `v` that
+//! stands still in the earth frame changes in the body frame by `dv/dt = v x w` at the rotation
+//! rate `w`. A vector seen `lag` ago is now, to second order and at a constant rate,
 //!
 //! ```text
 //! v + lag (v x w) + lag^2/2 ((v x w) x w)
 //! ```
 //!
-//! with the rate taken to have been the same for all of the lag.
-//!
-//! The field shows its own lag: in the estimated earth frame it moves by `-lag R (m x w)` as the
-//! body turns, about a mean that stands still. With `s` and `x` the deviations of `R m` and of
-//! `R (m x w)` from their means over half a second, both in parts of the field, the regression of
-//! the one on the other is
+//! The field shows its own lag: as the body turns, it moves in the estimated earth frame by
+//! `-lag R (m x w)` about a constant mean. Let `s` and `x` be the deviations of `R m` and of
+//! `R (m x w)` from their means over half a second, in parts of the field. The regression of `s` on
+//! `x` is
 //!
 //! ```text
 //! lag = (prior mag_lag_s - sum s.x dt) / (prior + sum x.x dt)
 //! ```
 //!
-//! The accelerometer's lag does not show like that: off the centre of a motion there are
-//! accelerations that go with the turning, which look the same.
+//! The accelerometer's lag cannot be found so: off the centre of a motion, accelerations go with
+//! the turning and look the same.
 
 use crate::error::{ConfigError, in_range, require};
 use crate::quaternion::HalfRows;
@@ -33,14 +31,15 @@ const LONGEST_S: f32 = 0.1;
 /// Time constant of the means, s.
 const MEAN_S: f32 = 0.5;
 
-/// Time between two samples that are learned from, s: more would cost time and tell little.
+/// Time between two samples that teach the lag, s: more samples would tell little.
 const LEARN_S: f32 = 0.2;
 
-/// The turn within a lag, per axis, rad, up to which first order is enough: it leaves 6e-4 of the
-/// vector.
+/// The turn within a lag, per axis, rad, up to which first order is enough: its error is 6e-4 of
+/// the vector.
 const SHORT_TURN: f32 = 0.02;
 
-/// The vector that was seen as `v` in the body frame `lag_s` ago, now, at the rate `rate` (rad/s).
+/// The present value of a vector that was `v` in the body frame `lag_s` ago, at the rate `rate`
+/// (rad/s).
 #[inline(always)]
 pub(crate) fn now<T: Real>(v: &[T; 3], rate: &[T; 3], lag_s: T) -> [T; 3] {
     let turn = scaled(rate, lag_s);
@@ -63,7 +62,7 @@ pub(crate) fn checked<T: Real>(lag_s: f32, name: &'static str) -> Result<T, Conf
 pub(crate) struct FieldLag<T> {
     /// The lag now, s.
     lag_s: T,
-    /// `None` where the lag stays as it was configured.
+    /// `None` if the lag stays as configured.
     learned: Option<Regression<T>>,
 }
 
@@ -72,7 +71,7 @@ struct Regression<T> {
     /// Means of the field and of its change by a second's turning, earth frame, in parts of the
     /// field.
     means: Option<([T; 3], [T; 3])>,
-    /// Time since the last sample that was learned from, s.
+    /// Time since the last sample that taught the lag, s.
     waited_s: T,
     /// `prior mag_lag_s - sum s.x dt`, rad^2.
     product: T,
@@ -81,7 +80,7 @@ struct Regression<T> {
 }
 
 impl<T: Real> FieldLag<T> {
-    /// `prior`: what the configured lag counts against what is learned, rad^2/s.
+    /// `prior`: the weight of the configured lag, rad^2/s.
     pub(crate) fn new(lag_s: f32, prior: f32) -> Result<Self, ConfigError> {
         let configured = checked::<T>(lag_s, "mag_lag_s")?;
         require(prior > 0.0, "mag_lag_prior_rad2_s")?;
@@ -95,7 +94,7 @@ impl<T: Real> FieldLag<T> {
         })
     }
 
-    /// Known, and with the other sign.
+    /// The lag as known, with the other sign.
     #[cfg(feature = "offline")]
     pub(crate) fn reversed(&self) -> Self {
         Self {
@@ -116,7 +115,7 @@ impl<T: Real> FieldLag<T> {
         self.lag_s
     }
 
-    /// A sample comes `dt` (s) after the one before. Where it is one to learn from, the time since
+    /// A sample comes `dt` (s) after the sample before. If it is to teach the lag, the time since
     /// the last such sample, s.
     #[inline(always)]
     pub(crate) fn due(&mut self, dt: T) -> Option<T> {
@@ -126,8 +125,8 @@ impl<T: Real> FieldLag<T> {
             .then(|| core::mem::replace(&mut regression.waited_s, T::ZERO))
     }
 
-    /// One sample as it was measured, `dt` (s) after the last that was learned from, of a field
-    /// whose strength is `1 / per_field`.
+    /// One measured sample, `dt` (s) after the last sample that taught the lag, of a field with the
+    /// strength `1 / per_field`.
     #[inline(never)]
     pub(crate) fn learn(
         &mut self,
@@ -173,7 +172,7 @@ mod tests {
             let error = (Vector3::from(now(&seen.into(), &rate.into(), lag_s))
                 - turn.inverse() * seen)
                 .norm();
-            // The third-order term, (|w| lag)^3 / 6 of the vector, or what first order leaves.
+            // The third-order term, (|w| lag)^3 / 6 of the vector, or the error of first order.
             let turn = (rate.norm() * lag_s).abs();
             let most = (turn.powi(3) / 6.0).max(6.5e-4) * seen.norm();
             assert!(error <= most, "{error} at {lag_s}");

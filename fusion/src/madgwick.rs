@@ -1,13 +1,12 @@
 //! Madgwick's gradient-descent filter.
 //!
 //! S. Madgwick, A. Harrison, R. Vaidyanathan, "Estimation of IMU and MARG orientation using a
-//! gradient descent algorithm", IEEE ICORR 2011, equations 25 to 44: each second the estimate moves
+//! gradient descent algorithm", IEEE ICORR 2011, equations 25 to 44. Each second the estimate moves
 //! `beta` along the normalised gradient of the misfit between the measured and the predicted
-//! directions. On the unit sphere that gradient is the rotation `a x v` that takes the predicted
-//! direction onto the measured one, so the step is written as a rotation. The field's reference is
-//! horizontal (the paper's compensation with `b = (1, 0, 0)`, after which the field turns the
-//! heading only), and a step never passes the minimum: at zero misfit there is no direction to
-//! normalise.
+//! directions. On the unit sphere that gradient is the rotation `a x v` from the predicted to the
+//! measured direction, so the step is a rotation. The field's reference is horizontal, the paper's
+//! compensation with `b = (1, 0, 0)`: the field turns the heading only. A step never passes the
+//! minimum, because at zero misfit no direction can be normalised.
 
 use crate::error::{ConfigError, in_range};
 use crate::filter::{Filter, View};
@@ -37,7 +36,7 @@ pub struct Madgwick<T = f32> {
     beta: T,
 }
 
-/// Misfit, as half the sine of the angle, below which the estimate is left alone.
+/// Misfit, as half the sine of the angle, below which the estimate stays.
 const MIN_MISFIT: f32 = 1e-7;
 
 impl<T: Real> Filter for Madgwick<T> {
@@ -53,8 +52,8 @@ impl<T: Real> Filter for Madgwick<T> {
 
     #[inline(always)]
     fn correction(&mut self, view: &View<T>, _bias: &mut [T; 3]) -> [T; 3] {
-        // Halves of the rotations that would take the predictions onto the measurements, at right
-        // angles to each other; their sum is at most 1/2.
+        // Half the rotations from the predictions to the measurements. They are at right angles,
+        // and their sum is at most 1/2.
         let (mut tilt, mut heading) = (zero(), zero());
         let down = &view.rows.down;
         if let Some(acc) = view.acc {
@@ -70,7 +69,7 @@ impl<T: Real> Filter for Madgwick<T> {
         }
         let rate = view.gain(self.beta * misfit.recip(), T::ONE);
         let share = |dt: T| (rate * dt).at_most(T::ONE);
-        // A magnetometer that is slower than the loop stands for all samples since its last.
+        // A field from a slow magnetometer stands for all samples since the last field.
         let mut half_angle = scaled(&tilt, share(view.dt));
         add_scaled(&mut half_angle, &heading, share(view.mag_dt));
         half_angle

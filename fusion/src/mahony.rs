@@ -1,10 +1,10 @@
 //! Mahony's explicit complementary filter.
 //!
 //! R. Mahony, T. Hamel, J.-M. Pflimlin, "Nonlinear complementary filters on the special orthogonal
-//! group", IEEE Trans. Automatic Control 53(5), 2008, equations 32 and 48: the rotation that would
-//! take the predicted vertical onto the measured one, `a x v`, is fed back in proportion; its
-//! integral is gyroscope offset. Against the paper, the magnetometer turns the estimate about the
-//! vertical only, with a gain of its own, and the accelerometer is scaled by standard gravity and
+//! group", IEEE Trans. Automatic Control 53(5), 2008, equations 32 and 48. The rotation from the
+//! predicted to the measured vertical, `a x v`, is fed back in proportion; its integral is the
+//! gyroscope's offset. Two points differ from the paper. The magnetometer turns the estimate about
+//! the vertical only, with a gain of its own. The acceleration is scaled by standard gravity and
 //! not normalised: the acceleration of a motion has a mean of zero as a vector, but not as a
 //! direction.
 
@@ -22,7 +22,7 @@ settings! {
         acc_per_s: f32 = 0.2,
         /// Rate at which heading follows the magnetometer, 1/s.
         mag_per_s: f32 = 0.11,
-        /// Integral gain: offset learned from the tilt error, 1/s^2. 0 where offsets are learned at
+        /// Integral gain: offset learned from the tilt error, 1/s^2; 0 if offsets are learned at
         /// rest.
         integral_per_s2: f32 = 0.0,
     }

@@ -1,9 +1,9 @@
 //! The gyroscope's offset, found while the body moves.
 //!
-//! A body that starts in motion has shown no rest to learn the offset from. But an offset `b` tilts
-//! the estimate, which the accelerometer shows in the mean. With the tilt error `d` that is seen,
-//! north and east in the earth frame, the sum `c` of the corrections so far, the offset `b0` that
-//! was taken off and the rotation matrix `R`,
+//! A body that starts in motion shows no rest to learn the offset from. But an offset `b` tilts the
+//! estimate, and the accelerometer shows the tilt in the mean. With the visible tilt error `d`,
+//! north and east in the earth frame, the sum `c` of the corrections so far, the subtracted offset
+//! `b0` and the rotation matrix `R`,
 //!
 //! ```text
 //! y = d - c + sum R b0 dt      the tilt error, were nothing corrected and no offset taken off
@@ -12,10 +12,10 @@
 //! y' - y = (S' - S) b + noise
 //! ```
 //!
-//! whatever the filter has made of the accelerations. Each pair of blocks is an observation for a
-//! Kalman filter whose state is the offset. A part of the offset along the vertical does not show;
-//! as the body turns, every part shows in time. The method is of the class of VQF's motion offset
-//! (Laidig and Seel, 2022), without its dependence on the filter's own dynamics.
+//! for any filter. Each pair of blocks is an observation for a Kalman filter whose state is the
+//! offset. The offset's part along the vertical is invisible, but as the body turns, every part
+//! shows in time. The method resembles VQF's motion offset (Laidig and Seel, 2022), but does not
+//! depend on the filter's own dynamics.
 
 use core::mem::take;
 
@@ -25,22 +25,22 @@ use crate::real::Real;
 use crate::rest::RestConfig;
 use crate::vector::{Matrix, add, add_scaled, diagonal, difference, dot, observe, scaled};
 
-/// Time between two sums, s: without an FPU one costs as much as a step.
+/// Time between two sums, s: without an FPU a sum costs as much as a step.
 const SUM_S: f32 = 0.035;
 
 /// Length of a block, s: in a longer one a motion's accelerations have a smaller mean.
 const BLOCK_S: f32 = 2.0;
 
-/// As many accelerations of a block's are independent of each other.
+/// Number of independent accelerations in a block.
 const INDEPENDENT: f32 = 2.0;
 
-/// Deviation of an offset of which nothing is known, rad/s.
+/// Deviation of an unknown offset, rad/s.
 const UNKNOWN: f32 = 0.05;
 
-/// A tilt that differs by more than this from what is expected is not the offset's, rad.
+/// Largest difference between seen and expected tilt that the offset can cause, rad.
 const MOST: f32 = 0.3;
 
-/// What is added up of the tilt about an axis, north or east; or the mean of it.
+/// Sums of the tilt about an axis, north or east, or their means.
 #[derive(Clone, Copy, Debug, Default)]
 struct Tilt<T> {
     /// `y`, rad.
@@ -51,7 +51,7 @@ struct Tilt<T> {
     turned: [T; 3],
 }
 
-/// The same over a block, about both axes.
+/// The sums over a block, about both axes.
 #[derive(Clone, Copy, Debug, Default)]
 struct Block<T> {
     tilts: [Tilt<T>; 2],
@@ -61,17 +61,17 @@ struct Block<T> {
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MotionBias<T> {
-    /// The largest offset that is one, rad/s.
+    /// Largest possible offset, rad/s.
     max_bias: T,
     /// Variance of the tilt that the mean of a block without accelerations shows, rad^2.
     noise: T,
-    /// Since the last sum: time, s, the sum of corrections (half a rotation vector, body frame),
-    /// and of accelerations, half of them, north and east, m/s^2, with the number of those.
+    /// Since the last sum: time, s; the sum of corrections (half a rotation vector, body frame);
+    /// the sum of half the accelerations, north and east, m/s^2; the number of accelerations.
     time_s: T,
     corrected: [T; 3],
     half_acc: [T; 2],
     samples: u16,
-    /// Since the start, without what is seen.
+    /// Sums since the start, without the visible tilt.
     total: [Tilt<T>; 2],
     /// The block under way, with the number of its sums and its time, s.
     block: Block<T>,
@@ -84,7 +84,7 @@ pub(crate) struct MotionBias<T> {
 }
 
 impl<T: Real> MotionBias<T> {
-    /// As the configuration says; `None` where only a rest shows the offset.
+    /// As configured; `None` if only a rest shows the offset.
     pub(crate) fn new(config: &RestConfig) -> Option<Self> {
         let tilt = config.motion_tilt_rad;
         (tilt.is_finite() && config.rate_rad_s > 0.0).then(|| Self {
@@ -95,7 +95,7 @@ impl<T: Real> MotionBias<T> {
         })
     }
 
-    /// The attitude has changed by what is no correction: what was seen before it does not compare.
+    /// The attitude has changed without a correction, so earlier tilts do not compare.
     pub(crate) fn interrupt(&mut self) {
         *self = Self {
             max_bias: self.max_bias,
@@ -112,8 +112,7 @@ impl<T: Real> MotionBias<T> {
     }
 
     /// One step: the orientation after it, the acceleration if it shows a vertical, and the
-    /// correction that was found, half a rotation vector in the body frame. True where the offset
-    /// was corrected.
+    /// correction, half a rotation vector in the body frame. True if the step corrected the offset.
     #[inline(never)]
     pub(crate) fn step(
         &mut self,
@@ -136,7 +135,7 @@ impl<T: Real> MotionBias<T> {
         corrects
     }
 
-    /// Adds up what was seen since the last sum. True where the offset was corrected.
+    /// Adds up the samples since the last sum. True if that corrected the offset.
     #[cold]
     fn sum_up(&mut self, rows: &HalfRows<T>, bias: &mut [T; 3]) -> bool {
         let dt = take(&mut self.time_s);
@@ -164,7 +163,7 @@ impl<T: Real> MotionBias<T> {
         is_over && self.close(bias)
     }
 
-    /// The block's means against those of the block before.
+    /// Compares the block's means with the means of the block before.
     fn close(&mut self, bias: &mut [T; 3]) -> bool {
         self.block_s = T::ZERO;
         let k = take(&mut self.sums).recip();
@@ -188,8 +187,8 @@ impl<T: Real> MotionBias<T> {
         true
     }
 
-    /// Variance of the tilt that a block's means show about either axis, rad^2: what accelerations
-    /// make of it is as large as they vary within it.
+    /// Variance of the tilt that a block's means show about either axis, rad^2. The part of
+    /// accelerations is their variance within the block.
     fn noise_of(&self, means: &Block<T>) -> T {
         let [north, east] = means.tilts.map(|tilt| tilt.seen);
         let varying = means.seen2 - north * north - east * east;

@@ -1,14 +1,13 @@
 //! Both directions of time, for recordings.
 //!
-//! A filter that runs through a recording knows the past of each sample; one that runs through it
-//! from the end knows the future. What they are wrong by is different: an error of the gyroscope
-//! makes the one late where it makes the other early, and of the noise each has a sample of its
-//! own. Between them lies a better estimate than either.
+//! A filter that runs through a recording knows the past of each sample; a filter that runs from
+//! the end knows its future. Their errors differ: an error of the gyroscope makes one pass late and
+//! the other early, and each pass has its own noise. The average of both is better than either.
 //!
-//! The first pass learns: offset of the gyroscope, field, the field's lag, the ranges in which the
-//! gyroscope clips. The second goes back from its end with what was learned, the third forth again
-//! from the beginning, where the second has ended. Second and third are averaged, each by the time
-//! that it stands on: for seconds after its start, a gap or clipping an estimate counts for less.
+//! The first pass learns the gyroscope's offset, the field, the field's lag and the ranges in which
+//! the gyroscope clips. The second pass goes back from the end, the third forth from the beginning.
+//! The result is the mean of the second and the third, weighted by their averaging times: an
+//! estimate counts for less for seconds after its start, a gap or clipping.
 
 use alloc::vec::Vec;
 
@@ -46,7 +45,7 @@ pub fn smooth<F: Filter>(
     let mut backward = learning.reversed(&config.gains)?;
     let mut later = Vec::with_capacity(samples.len());
     for (index, timed) in samples.iter().enumerate().rev() {
-        // The rate of a sample is that of the time before it: going back, that of the next one.
+        // A sample has the rate of the time before it. Going back, the next sample has it.
         if let Some(next) = samples.get(index + 1) {
             let sample = Sample {
                 gyr: next.sample.gyr.map(|rate| -rate),
@@ -62,7 +61,7 @@ pub fn smooth<F: Filter>(
         .iter()
         .zip(later.iter().rev())
         .map(|(timed, later)| {
-            // The first sample is where the way back has ended.
+            // The way back has ended at the first sample.
             if !core::mem::take(&mut earlier) {
                 forward.update(timed.dt_s, &timed.sample);
             }
@@ -75,7 +74,7 @@ pub fn smooth<F: Filter>(
     Ok(averaged.collect())
 }
 
-/// The orientation between two, nearer to the one with the larger weight.
+/// The orientation between two orientations, nearer to the one with the larger weight.
 fn between<T: Real>(
     (a, weight_a): (Quaternion<T>, T),
     (b, weight_b): (Quaternion<T>, T),

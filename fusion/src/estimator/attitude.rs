@@ -1,4 +1,4 @@
-//! What comes in, and what goes out.
+//! Input and output of an estimator.
 
 use crate::config::GRAVITY;
 use crate::quaternion::Quaternion;
@@ -16,8 +16,8 @@ pub struct Sample {
     /// Specific force, m/s^2: at rest 9.81 along the axis that points up, so (0, 0, -9.81) in a
     /// level forward-right-down frame.
     pub acc: [f32; 3],
-    /// Magnetic field, uT (or any unit that makes the earth's larger than 0.1), when there is a
-    /// fresh one; `None` for 6D operation and between the samples of a slower magnetometer.
+    /// Magnetic field, uT, or another unit in which the earth's field is larger than 0.1. `None`
+    /// for 6D operation and between the samples of a slower magnetometer.
     pub mag: Option<[f32; 3]>,
 }
 
@@ -26,8 +26,8 @@ pub struct Sample {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Attitude<T = f32> {
-    /// Body to earth (north, east, down); without a magnetometer north is where the estimate
-    /// started.
+    /// Body to earth (north, east, down); without a magnetometer, north is the heading at the
+    /// start.
     pub orientation: Quaternion<T>,
     /// Rotation rate less the offset, body frame, rad/s.
     pub rate: [T; 3],
@@ -42,7 +42,7 @@ pub struct Attitude<T = f32> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Flags {
-    /// Gravity (and, with a magnetometer, the field) has been averaged for the start-up time, once.
+    /// The start-up time is over: gravity, and the field with a magnetometer, have been averaged.
     pub initialised: bool,
     /// The body is at rest; its gyroscope offset is being learned.
     pub at_rest: bool,
@@ -50,8 +50,8 @@ pub struct Flags {
     pub acc_rejected: bool,
     /// The last field sample was disturbed, or not a number.
     pub mag_disturbed: bool,
-    /// A rate is clipped, or was within the last seconds: corrections are faster, and errors
-    /// larger, than usual.
+    /// A rate is clipped, or clipped within the last seconds: corrections are faster and errors
+    /// larger than usual.
     pub over_range: bool,
     /// The time step was not positive, or a rate not a number: the update was skipped.
     pub skipped: bool,
@@ -73,7 +73,7 @@ impl<T: Real> Attitude<T> {
         motion
     }
 
-    /// The same in the earth frame: north, east, down.
+    /// The acceleration of the body in the earth frame: north, east, down.
     pub fn earth_acceleration(&self, acc: &[f32; 3]) -> [T; 3] {
         self.orientation.rotate(&self.linear_acceleration(acc))
     }

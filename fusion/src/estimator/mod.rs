@@ -1,8 +1,8 @@
-//! What every filter shares: from samples to attitude.
+//! The part that all filters share: from samples to attitude.
 //!
 //! # The equations
-//! With the measured rates `g`, their offset `b`, the time step `dt`, half the correction `c` that
-//! the step before has found, the specific force `a` and the field `m`:
+//! With the measured rates `g`, their offset `b`, the time step `dt`, half the correction `c` from
+//! the step before, the specific force `a` and the field `m`:
 //!
 //! ```text
 //! w = g - b                               the rotation rate, body frame
@@ -13,19 +13,19 @@
 //! c = filter(a', d; heading error of m')  half a rotation vector, body frame
 //! ```
 //!
-//! The rates are taken to be constant within a step. The correction of a sample comes with the next
-//! step, so that it costs no rotation of its own. What is given out is ahead of `q` by the lag of
-//! the gyroscope, `q (1, lag w / 2)`.
+//! The rates count as constant within a step. The correction of a sample comes with the next step,
+//! so it costs no rotation of its own. The output is ahead of `q` by the lag of the gyroscope,
+//! `q (1, lag w / 2)`.
 //!
 //! # The gains at the start and after trouble
-//! Of `n` samples that are equally good the mean is the best estimate: the `k`-th moves it by `1/k`
-//! of the difference, which is a gain of `1 / age` with the age in seconds. So every filter starts:
-//! its gain is its own or `1 / age`, whichever is larger, and the age grows until a running mean is
-//! as slow as the slowest filter, [`SETTLED_S`].
+//! Of `n` equally good samples, the mean is the best estimate. The `k`-th sample moves the mean by
+//! `1/k` of the difference, a gain of `1 / age` with the age in seconds. So a filter's gain is the
+//! larger of its own and `1 / age`. The age grows up to [`SETTLED_S`], where a running mean is as
+//! slow as the slowest filter.
 //!
-//! A Kalman filter says the same with the variance `V` of the attitude and the density `r` of the
-//! measurements' noise: its gain is `V / r`, and the age is `r / V`. Where an event adds a variance
-//! `v`, of a gap in the samples or a clipped rate, the variances add up:
+//! In a Kalman filter with the variance `V` of the attitude and the density `r` of the
+//! measurements' noise, the gain is `V / r`, so the age is `r / V`. A gap in the samples or a
+//! clipped rate adds a variance `v`:
 //!
 //! ```text
 //! 1 / age' = 1 / age + v / r
@@ -70,14 +70,14 @@ const MIN_ACC: f32 = 0.5;
 /// Largest plausible acceleration component, m/s^2: a thousand g.
 const MAX_ACC: f32 = 10_000.0;
 
-/// Uncertainty of the attitude after a gap in the samples, rad.
+/// Standard deviation of the attitude after a gap in the samples, rad.
 const GAP_SIGMA: f32 = 0.5;
 
-/// Steps between corrections of the quaternion's norm, which a step leaves within 1e-7.
+/// Steps between corrections of the quaternion's norm. A step changes the norm by less than 1e-7.
 const NORM_STEPS: u8 = 8;
 
-/// Half angle of the gyroscope's lag, about each axis, for which first order is enough, rad: it
-/// leaves the norm within 6e-6 and the angle within 1e-8.
+/// Half angle of the gyroscope's lag, about each axis, for which first order is enough, rad. Norm
+/// and angle are then within 6e-6 and 1e-8.
 const SHORT_TURN: f32 = 2e-3;
 
 /// Steps between two updates of the deviations.
@@ -92,7 +92,7 @@ pub struct Estimator<F: Filter> {
     filter: F,
     field: Field<F::Real>,
     rest: Rest<F::Real>,
-    /// Until a rest shows the offset.
+    /// Finds the offset until a rest shows it.
     motion_bias: Option<MotionBias<F::Real>>,
     range: Range<F::Real>,
     recovery: Recovery<F::Real>,
@@ -106,8 +106,8 @@ pub struct Estimator<F: Filter> {
     bias: [F::Real; 3],
     flags: Flags,
     phase: Phase,
-    /// Time, s, that the corrections have been averaging for. A running mean's gain is `1 / age`;
-    /// in the words of a Kalman filter, `age` is measurement noise density over variance.
+    /// Averaging time of the corrections, s. A running mean's gain is `1 / age`; in a Kalman
+    /// filter, `age` is the density of the measurement noise over the variance.
     age: F::Real,
     mag_dt: F::Real,
     /// The last time step and its half.
@@ -199,22 +199,21 @@ impl<F: Filter> Estimator<F> {
         now
     }
 
-    /// How far the estimate may be off: standard deviations, brought up to date every 64
-    /// steps.
+    /// Standard deviations of the estimate, renewed every 64 steps.
     pub fn quality(&self) -> Quality<F::Real> {
         let (steepness, bias) = (self.field.steepness(), self.rest.bias_state());
         self.uncertainty.quality(steepness, bias)
     }
 
-    /// How late the field is behind the rates, s: as configured, or as learned since.
+    /// Lag of the field behind the rates, s, as configured or as learned since.
     pub fn mag_lag_s(&self) -> F::Real {
         self.field.lag_s()
     }
 
-    /// Take one sample, `dt_s` seconds after the one before (with the first, any number does).
+    /// Take one sample, `dt_s` seconds after the sample before (any number for the first).
     ///
-    /// Never fails: what cannot be used is left out, and the flags say so. With a `dt_s` that is
-    /// zero, negative or not finite, or a rate that is not finite, nothing but the flags changes.
+    /// Never fails: the update leaves out unusable values, and the flags say so. If `dt_s` is not
+    /// positive and finite, or a rate is not finite, only the flags change.
     #[inline]
     pub fn update(&mut self, dt_s: f32, sample: &Sample) -> Attitude<F::Real> {
         self.flags.gap = false;
@@ -265,7 +264,7 @@ impl<F: Filter> Estimator<F> {
         let acc =
             (acc_valid && self.passes(&acc)).then(|| lag::now(&acc, &self.rate, self.acc_lag_s));
         self.flags.acc_rejected = acc.is_none();
-        // Where every sample has a field there is nothing to add up.
+        // If every sample has a field, there is nothing to add up.
         self.mag_dt = if self.mag_dt.within(F::Real::ZERO) {
             dt
         } else {
@@ -313,7 +312,7 @@ impl<F: Filter> Estimator<F> {
         }
     }
 
-    /// Deviations are brought up to date now and then.
+    /// Renews the deviations every few steps.
     #[inline(always)]
     fn update_uncertainty(&mut self, view: &View<F::Real>) {
         let good = view.heading.as_ref().is_some_and(|seen| seen.undisturbed);
@@ -329,7 +328,8 @@ impl<F: Filter> Estimator<F> {
         }
     }
 
-    /// Half the time step, which mostly is what it was: without an FPU comparing is cheaper.
+    /// Half the time step. It mostly equals the last one, and without an FPU a comparison is
+    /// cheaper.
     #[inline(always)]
     fn half(&mut self, dt: F::Real) -> F::Real {
         if dt != self.last_dt {
@@ -339,7 +339,7 @@ impl<F: Filter> Estimator<F> {
         self.half_dt
     }
 
-    /// The first sample: tilt and heading are taken from it as they are.
+    /// The first sample sets tilt and heading.
     #[cold]
     fn start(&mut self, sample: &Sample) {
         let real = F::Real::from_f32;
@@ -367,8 +367,7 @@ impl<F: Filter> Estimator<F> {
         true
     }
 
-    /// Samples are missing, so that the attitude is uncertain. Returns the time to integrate over,
-    /// s.
+    /// Samples are missing, so the attitude is uncertain. Returns the time to integrate over, s.
     #[cold]
     fn gap(&mut self) -> F::Real {
         self.flags.gap = true;
@@ -390,8 +389,7 @@ impl<F: Filter> Estimator<F> {
         self.age = self.age * self.acc_density * (self.acc_density + self.age * variance).recip();
     }
 
-    /// A rate is clipped, or was within the last seconds: add what the recovery finds to the
-    /// correction.
+    /// A rate is clipped, or clipped within the last seconds: adds the recovery's correction.
     #[cold]
     fn recover(
         &mut self,
@@ -452,7 +450,7 @@ impl<F: Filter> Estimator<F> {
         error
     }
 
-    /// The first field: the heading is taken from it as it is.
+    /// The first field sets the heading.
     #[cold]
     fn first_heading(&mut self, mag: &[F::Real; 3]) {
         let up = self.orientation.up();

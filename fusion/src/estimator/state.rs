@@ -1,4 +1,4 @@
-//! What an estimator knows, read, kept and set from outside.
+//! What an estimator has learned: read, stored and set from outside.
 
 use super::{Estimator, Phase, SETTLED_S};
 use crate::error::{ConfigError, require};
@@ -21,10 +21,10 @@ pub struct FieldReference<T = f32> {
     pub down: T,
 }
 
-/// What an estimator has learned: enough to go on after a restart as if there had been none.
+/// What an estimator has learned: enough to go on after a restart.
 ///
-/// Taken by [`Estimator::state`], given back by [`Estimator::restore`]. A part that is `None` is
-/// not known.
+/// [`Estimator::state`] gives it, [`Estimator::restore`] takes it. A part that is `None` is not
+/// known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -35,12 +35,12 @@ pub struct State<T = f32> {
     pub bias: Option<[T; 3]>,
     /// The field's reference.
     pub field: Option<FieldReference<T>>,
-    /// How late the field is behind the rates, s.
+    /// Lag of the field behind the rates, s.
     pub mag_lag_s: Option<T>,
 }
 
 impl<F: Filter> Estimator<F> {
-    /// What has been learned so far.
+    /// The state learned so far.
     pub fn state(&self) -> State<F::Real> {
         State {
             orientation: self.flags.initialised.then_some(self.orientation),
@@ -50,14 +50,14 @@ impl<F: Filter> Estimator<F> {
         }
     }
 
-    /// Goes on from what was learned before; what is `None` stays as it is.
+    /// Goes on from a state; a part that is `None` leaves the estimator's own.
     ///
-    /// The attitude counts as that of now. Where time has passed since, the next
-    /// [`Estimator::update`] is given that time: as a gap in the samples it makes the attitude
-    /// uncertain, and corrections faster.
+    /// The attitude counts as the present one. Give the next [`Estimator::update`] the time that
+    /// has passed since the state was taken. As a gap in the samples, that time makes the attitude
+    /// uncertain and corrections faster.
     ///
     /// # Errors
-    /// A part that is not finite or makes no sense, by name; then nothing is changed.
+    /// The name of a part that is not finite or out of range; nothing changes then.
     pub fn restore(&mut self, state: &State<F::Real>) -> Result<(), ConfigError> {
         let finite = |v: &F::Real| v.within(F::Real::from_f32(f32::MAX));
         if let Some(orientation) = &state.orientation {
@@ -103,8 +103,8 @@ impl<F: Filter> Estimator<F> {
         self.uncertainty.know_bias();
     }
 
-    /// Turns the estimate about the vertical to a heading, rad from north to east, where a
-    /// magnetometer is missing or is not to be waited for. A field turns it back.
+    /// Turns the estimate about the vertical to a heading, rad from north to east, for use without
+    /// a magnetometer. A field turns it back.
     pub fn set_heading(&mut self, yaw_rad: F::Real) {
         let turn = yaw_rad - self.orientation.euler().yaw_rad;
         let (sin, cos) = (turn * F::Real::HALF).sin_cos();
@@ -117,13 +117,13 @@ impl<F: Filter> Estimator<F> {
     /// Takes other gains from the next update on; attitude and offset go on from where they are.
     ///
     /// # Errors
-    /// A gain out of range, by name; then nothing is changed.
+    /// The name of a gain out of range; nothing changes then.
     pub fn set_gains(&mut self, gains: &F::Gains) -> Result<(), ConfigError> {
         self.filter.retune(gains)
     }
 
-    /// Takes the attitude from the next sample anew, as after [`Estimator::new`]. What was learned
-    /// of the sensors stays: offset, field, lag, ranges.
+    /// Takes the attitude from the next sample, as after [`Estimator::new`]. Learned offset, field,
+    /// lag and ranges stay.
     pub fn reset(&mut self) {
         self.rest.interrupt();
         self.motion_bias.iter_mut().for_each(MotionBias::interrupt);
@@ -135,8 +135,8 @@ impl<F: Filter> Estimator<F> {
         (self.age, self.mag_dt) = (F::Real::ZERO, F::Real::ZERO);
     }
 
-    /// The estimator that goes back in time from here: what it has learned is kept, with the sense
-    /// of every rate reversed.
+    /// The estimator that goes back in time from here. It keeps its state, with the sense of every
+    /// rate reversed.
     #[cfg(feature = "offline")]
     pub(crate) fn reversed(&self, gains: &F::Gains) -> Result<Self, ConfigError> {
         Ok(Self {
@@ -156,8 +156,7 @@ impl<F: Filter> Estimator<F> {
         })
     }
 
-    /// How much of its own the estimate stands on: the time of its averaging, s, up to that of the
-    /// slowest filter.
+    /// Weight of the estimate: the time of its averaging, s, up to the slowest filter's.
     #[cfg(feature = "offline")]
     pub(crate) fn standing_s(&self) -> F::Real {
         match self.phase {
