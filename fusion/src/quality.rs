@@ -7,13 +7,13 @@
 //! dV/dt = still + scale |w|^2 + noise g^2 - 2 g V
 //! ```
 //!
-//! at the rate `w`: a gyroscope is wrong by its scale and alignment most; `noise` is that of the
-//! acceleration. While nothing shows the heading, its `g` is 0. An error of the offset makes
-//! a drift that follows `d/dt = bias - g drift`. To the variances come what calibration and the
-//! place leave of errors that stand still in the body or in the field.
+//! at the rate `w`. The main errors of a gyroscope are scale and alignment; `noise` is the
+//! acceleration's. While nothing shows the heading, its `g` is 0. An error of the offset makes a
+//! drift that follows `d/dt = bias - g drift`. Errors that stand still in the body or in the field,
+//! from calibration and place, add a constant to each variance.
 //!
-//! The gains are those of the defaults, and the constants were found on seven recordings of BROAD
-//! with the VQF class. The errors of the other filters are larger.
+//! The gains are the defaults. The constants come from seven recordings of BROAD with the VQF
+//! class; other filters have larger errors.
 
 use crate::real::Real;
 use crate::vector::dot;
@@ -28,8 +28,8 @@ pub enum BiasState {
     /// A rest has shown it, or it was set.
     Known,
     /// The body is at rest or turns steadily about the vertical, with a rate beyond
-    /// [`RestConfig::max_bias_rad_s`](crate::RestConfig::max_bias_rad_s): what is taken for the
-    /// offset may be wrong by that.
+    /// [`RestConfig::max_bias_rad_s`](crate::RestConfig::max_bias_rad_s). The offset may be wrong
+    /// by this rate.
     Refused,
 }
 
@@ -50,18 +50,17 @@ impl BiasState {
 pub struct Quality<T = f32> {
     /// Of the vertical, rad.
     pub tilt_rad: T,
-    /// Of the heading, rad: at most 1.81, that of a heading nobody knows. Without a magnetometer it
-    /// is against the heading at the start, and grows.
+    /// Of the heading, rad: at most 1.81, for an unknown heading. Without a magnetometer it grows,
+    /// against the heading at the start.
     pub heading_rad: T,
     /// Of the gyroscope's offset, each axis, rad/s.
     pub bias_rad_s: T,
-    /// What is known of the offset.
+    /// State of the offset.
     pub bias: BiasState,
-    /// Whether a field shows the heading: an undisturbed one within the last half second, which
-    /// dips by less than 80 deg.
+    /// Whether a field shows the heading: undisturbed, within the last half second, with a dip
+    /// below 80 deg.
     pub heading_is_observable: bool,
-    /// Time since the last undisturbed field, s, to within 64 steps; `None` where there was none
-    /// yet.
+    /// Time since the last undisturbed field, s, to within 64 steps; `None` before the first.
     pub field_age_s: Option<T>,
 }
 
@@ -72,24 +71,24 @@ pub(crate) const HEADING_PER_S: f32 = 0.11;
 /// Random walk of a body at rest, rad^2/s.
 pub(crate) const STILL: f32 = 1e-7;
 
-/// What the walk grows by with the square of the rate, s.
+/// Growth of the walk with the square of the rate, s.
 pub(crate) const SCALE_S: f32 = 3e-6;
 
 /// Noise of the vertical and of the heading that are shown, rad^2 s.
 pub(crate) const NOISE_S: f32 = 1e-5;
 
-/// Variance of errors of the vertical that stand still, rad^2: 0.3 deg.
+/// Variance of constant errors of the vertical, rad^2: 0.3 deg.
 pub(crate) const TILT: f32 = 3e-5;
 
-/// Variance of those of a horizontal field, rad^2; a steep field's is larger by the square of the
-/// whole over its horizontal part.
+/// Variance of constant errors of a horizontal field, rad^2. A steep field's is larger by the
+/// square of the whole field over its horizontal part.
 pub(crate) const HEADING: f32 = 2.5e-5;
 
-/// The walk while a rate is clipped or was within the last seconds, rad^2/s.
+/// The walk while a rate is clipped and some seconds after, rad^2/s.
 const CLIPPED: f32 = 3e-3;
 
-/// Deviation of an offset that is not known, of one from a rest, rad/s, and what its variance grows
-/// by, (rad/s)^2/s.
+/// Deviation of an unknown offset and of an offset from a rest, rad/s, and growth of its variance,
+/// (rad/s)^2/s.
 pub(crate) const BIAS_UNKNOWN: f32 = 0.02;
 pub(crate) const BIAS_AT_REST: f32 = 5e-4;
 pub(crate) const BIAS_WALK: f32 = 1e-9;
@@ -97,14 +96,14 @@ pub(crate) const BIAS_WALK: f32 = 1e-9;
 /// Variance of the first vertical, of a single sample in motion, rad^2.
 pub(crate) const FIRST: f32 = 0.03;
 
-/// A field that is younger than this shows the heading, s.
+/// Oldest field that shows the heading, s.
 pub(crate) const FRESH_S: f32 = 0.5;
 
-/// The field's whole over its horizontal part, squared, at a dip of 80 deg: steeper ones show no
+/// The whole field over its horizontal part, squared, at a dip of 80 deg. Steeper fields show no
 /// heading.
 pub(crate) const STEEP: f32 = 33.2;
 
-/// Variance of an angle of which nothing is known, rad^2: pi^2 / 3.
+/// Variance of an unknown angle, rad^2: pi^2 / 3.
 pub(crate) const UNKNOWN: f32 = 3.29;
 
 /// What a step has seen.
@@ -131,7 +130,7 @@ pub(crate) struct Uncertainty<T> {
     /// Of the offset, (rad/s)^2.
     bias: T,
     field_age_s: Option<T>,
-    /// Time since the last update, s, and whether there was an undisturbed field in it.
+    /// Time since the last update, s, and whether it had an undisturbed field.
     time_s: T,
     good_field: bool,
 }
@@ -158,7 +157,7 @@ impl<T: Real> Uncertainty<T> {
         self.heading += variance;
     }
 
-    /// The attitude is taken anew from a sample; the offset is as known as it was.
+    /// The attitude comes from a new sample; the offset keeps its deviation.
     pub(crate) fn restart(&mut self) {
         *self = Self {
             bias: self.bias,
@@ -171,7 +170,7 @@ impl<T: Real> Uncertainty<T> {
         self.bias = T::from_f32(BIAS_AT_REST * BIAS_AT_REST);
     }
 
-    /// The offset is as uncertain as this at most, (rad/s)^2.
+    /// Bounds the variance of the offset, (rad/s)^2.
     pub(crate) fn narrow_bias(&mut self, variance: T) {
         if self.bias > variance {
             self.bias = variance;
@@ -184,7 +183,7 @@ impl<T: Real> Uncertainty<T> {
         (self.tilt_drift, self.heading_drift) = (T::ZERO, T::ZERO);
     }
 
-    /// Brings the variances up to date, at this rate, rad/s.
+    /// Renews the variances, at this rate, rad/s.
     #[inline(never)]
     pub(crate) fn update(&mut self, rate: &[T; 3], evidence: &Evidence<T>) {
         let dt = core::mem::replace(&mut self.time_s, T::ZERO);
@@ -222,7 +221,7 @@ impl<T: Real> Uncertainty<T> {
             .is_some_and(|age_s| age_s.within(T::from_f32(FRESH_S)))
     }
 
-    /// The deviations, with the field's whole over its horizontal part, squared, where it is known.
+    /// The deviations, with the whole field over its horizontal part, squared, if known.
     pub(crate) fn quality(&self, steepness: Option<T>, bias: BiasState) -> Quality<T> {
         let place = steepness.map_or(T::ZERO, |ratio| ratio * T::from_f32(HEADING));
         let tilt = self.tilt + self.tilt_drift * self.tilt_drift + T::from_f32(TILT);

@@ -1,4 +1,4 @@
-//! Unit quaternions and the rotation matrix they stand for.
+//! Unit quaternions and their rotation matrices.
 
 use crate::real::Real;
 use crate::vector::{cross, dot, scaled, unit};
@@ -29,15 +29,15 @@ pub struct Quaternion<T = f32> {
 pub struct Euler<T = f32> {
     /// -pi..pi.
     pub roll_rad: T,
-    /// -pi/2..pi/2. At +-pi/2 roll and yaw turn about the same axis and only their difference or
-    /// sum is defined; near it they are noisy although the quaternion is not.
+    /// -pi/2..pi/2. At +-pi/2 roll and yaw turn about the same axis, and only their difference or
+    /// sum is defined. Near it both are noisy, though the quaternion is not.
     pub pitch_rad: T,
     /// -pi..pi, positive from north to east.
     pub yaw_rad: T,
 }
 
-/// Half of the rotation matrix body to earth, row by row: each row is an earth axis seen from the
-/// body, at half its length (which spares the doublings).
+/// Half of the rotation matrix body to earth, row by row: each row is an earth axis in the body
+/// frame. The half spares the doublings.
 #[derive(Clone, Copy, Debug)]
 pub struct HalfRows<T> {
     /// Half of the unit vector north, body frame.
@@ -134,10 +134,9 @@ impl<T: Real> Quaternion<T> {
         }
     }
 
-    /// The orientation at which the body sees up along `up_body` and the horizontal part of
-    /// `north_body` to the north. Without `north_body`, or with one along up, the heading is that
-    /// of body x (of body y when x is vertical). `None` when `up_body` is too short to have a
-    /// direction.
+    /// The orientation with up along `up_body` and north along the horizontal part of `north_body`.
+    /// Without `north_body`, or if it is vertical, the heading is body x's, or body y's if x is
+    /// vertical. `None` if `up_body` is too short for a direction.
     pub fn from_up_and_north(up_body: &[T; 3], north_body: Option<&[T; 3]>) -> Option<Self> {
         let up = unit(up_body)?;
         let down = [-up[0], -up[1], -up[2]];
@@ -149,8 +148,8 @@ impl<T: Real> Quaternion<T> {
         Some(Self::from_rows(&north, &east, &down))
     }
 
-    /// From the rows of the rotation matrix: the earth's axes in the body frame (Shepperd's method:
-    /// the largest component first, so that no root is taken of a small difference).
+    /// From the rows of the rotation matrix, the earth's axes in the body frame. Shepperd's method:
+    /// the largest component first, so that no root of a small difference is needed.
     fn from_rows(n: &[T; 3], e: &[T; 3], d: &[T; 3]) -> Self {
         let (wx, wy, wz) = (d[1] - e[2], n[2] - d[0], e[0] - n[1]);
         let (xy, xz, yz) = (e[0] + n[1], d[0] + n[2], d[1] + e[2]);
@@ -261,20 +260,19 @@ impl<T: Real> Quaternion<T> {
         self.restore_norm();
     }
 
-    /// [`Quaternion::advance`] without correcting the norm, which it leaves within 2e-7 of what it
-    /// was.
+    /// [`Quaternion::advance`] without a correction of the norm, which changes by less than 2e-7.
     ///
     /// The rotation of half angle `h` is `(cos |h|, h sin|h|/|h|)`. Both factors are series in
-    /// `s = |h|^2`, cut where f32 no longer sees the next term; vectors beyond `s = 1/16` are
-    /// halved into that range and the result is squared back.
+    /// `s = |h|^2`, cut before the first term below the resolution of f32. Vectors beyond
+    /// `s = 1/16` are halved into that range, and the result is squared back.
     #[inline(always)]
     pub(crate) fn turn(&mut self, h: &[T; 3]) {
         // A rate of 3 deg/s at 100 Hz: 1 - cos|h| < 2e-7.
         self.turn_from(h, 3e-4);
     }
 
-    /// [`Quaternion::turn`], in first order up to half angles of `small` (rad) about each axis,
-    /// which leaves a norm that is off by `1.5 small^2`.
+    /// [`Quaternion::turn`], in first order up to half angles of `small` (rad) about each axis. The
+    /// norm is then off by `1.5 small^2`.
     #[inline(always)]
     pub(crate) fn turn_from(&mut self, h: &[T; 3], small: f32) {
         let small = T::from_f32(small);
@@ -297,7 +295,7 @@ impl<T: Real> Quaternion<T> {
         *self = self.mul(&turn);
     }
 
-    /// One Newton step of the inverse square root: for a norm that is 1 to first order already.
+    /// One Newton step of the inverse square root, for a norm near 1.
     #[inline(never)]
     pub(crate) fn restore_norm(&mut self) {
         *self = self.times(T::from_f32(1.5) - T::HALF * self.norm2());
@@ -307,7 +305,7 @@ impl<T: Real> Quaternion<T> {
     fn from_half_angle(mut h: [T; 3], mut s: T) -> Self {
         let quarter = T::from_f32(0.25);
         let mut halvings = 0;
-        // 2^10 turns are beyond any gyro and step; the bound makes the loop's end evident.
+        // No gyroscope and step reach 2^10 turns; the bound proves the loop's end.
         while !s.within(T::from_f32(1.0 / 16.0)) && halvings < 16 {
             h = scaled(&h, T::HALF);
             s = s * quarter;

@@ -1,78 +1,78 @@
-//! Clipping of the gyroscope: detecting it, and estimating the rotation that it hid.
+//! Clipping of the gyroscope: detection, and an estimate of the hidden rotation.
 //!
-//! A rate that stays at its limit hides part of the rotation. Between the crossings of the limit
-//! the true rate is assumed to be the cubic that has the slopes seen before and after: with slopes
-//! `s0` and `s1` (rad/s^2) and a duration `T`, its area above the limit is `(s0 - s1) T^2 / 12`.
-//! How well that is known depends on the duration above all. The [recovery](crate::recovery)
-//! corrects the attitude by it.
+//! A rate that stays at its limit hides part of the rotation. Between the crossings of the limit,
+//! the model of the true rate is a cubic with the slopes before and after. With slopes `s0` and
+//! `s1` (rad/s^2) and a duration `T`, its area above the limit is `(s0 - s1) T^2 / 12`. The error
+//! of this angle grows mostly with the duration. The [recovery](crate::recovery) corrects the
+//! attitude by the angle.
 //!
 //! The limit need not be known, and may differ between the axes and between the two senses of each.
-//! Near the largest rate seen so far on an axis, two signs show one: a rate that stays the same to
-//! the count for three samples after it had changed fast; and, because factory calibration mixes a
-//! little of the other axes into a clipped one, a rate that hardly changes. A smooth motion has
-//! neither: around the peak of a sine the steps are as 5, 3, 1, -1. A steady spin may show both all
-//! the same. Until it has been met again, or in another sense or axis, a limit is only supposed:
-//! the peaks of up to half a second that it cuts are compensated, and nothing else.
+//! Near an axis' largest rate so far, two signs show a limit. Either the rate stays the same to the
+//! count for three samples after a fast change, or it hardly changes, because factory calibration
+//! mixes a little of the other axes into a clipped axis. A smooth motion has neither sign: around
+//! the peak of a sine the steps are as 5, 3, 1, -1. A steady spin may show both. So a limit is only
+//! supposed until it appears again, or in another sense or axis. Meanwhile only peaks of up to half
+//! a second are compensated.
 
 use crate::real::Real;
 
 /// Slowest rate that can be a limit, rad/s: no gyroscope ends below 115 deg/s.
 const MIN_LIMIT: f32 = 2.0;
 
-/// How equal two rates must be to be at a limit, as a fraction: one count of 16 bits.
+/// Largest difference of two rates at a limit, as a fraction: one count of 16 bits.
 const EQUAL: f32 = 4e-5;
 
 /// Steps without a change that show a limit.
 const FLAT_STEPS: u8 = 2;
 
-/// They must take this long together, s: noise makes shorter ones.
+/// Shortest time of equal rates, s: noise makes shorter ones.
 const FLAT_S: f32 = 0.006;
 
 /// A step is small up to this fraction of the largest rate.
 const SMALL_STEP: f32 = 0.003;
 
-/// It is also below this fraction of the last step that was not small.
+/// A small step is also below this fraction of the last step that was not small.
 const SMALLER: f32 = 0.25;
 
-/// That one must show at least this angular acceleration, rad/s^2: slower, the counts of a smooth
-/// motion stay the same too.
+/// Least angular acceleration in the last step that was not small, rad/s^2: in slower motion,
+/// smooth counts stay the same too.
 const ARRIVAL_RAD_S2: f32 = 5.0;
 
-/// That step is also above this fraction of the largest rate: with many samples
-/// a second noise makes larger accelerations than a motion.
+/// That step is also above this fraction of the largest rate: at high sampling rates, noise makes
+/// larger accelerations than a motion.
 const ARRIVAL: f32 = 0.0075;
 
-/// A limit is looked for from this fraction of the largest rate on.
+/// Fraction of the largest rate from which on a limit is possible.
 const NEAR: f32 = 0.97;
 
-/// A limit that other axes are mixed into is this fraction of the rate that was seen there.
+/// A limit with other axes mixed in, as a fraction of the rate there.
 const MIXED: f32 = 0.985;
 
 /// Rates up to this fraction of the largest are not examined.
 const QUIET: f32 = 0.85;
 
-/// A rate further beyond a limit than this disproves it.
+/// A rate that exceeds a limit by more than this disproves it.
 const BEYOND: f32 = 1.04;
 
-/// Two limits that are as close as this are one range of the sensor.
+/// Limits closer than this are one range of the sensor.
 const AGREE: f32 = 0.05;
 
-/// Longest clipping that the slopes before and after describe, s.
+/// Longest clipping that slopes describe, s.
 const LONGEST_S: f32 = 0.5;
 
-/// Largest angle beyond the limit, as a fraction of the angle at the limit: the slopes of a hit say
+/// Largest angle beyond the limit, as a fraction of the angle at the limit: a hit's slopes say
 /// little about a long saturation.
 const MAX_HIDDEN: f32 = 0.6;
 
-/// Deviation of that angle, as a fraction of the angle at the limit: this, and this more per
-/// second. Found by clipping recordings of hands, arms and hits at many limits.
+/// Deviation of that angle, as a fraction of the angle at the limit, and its growth per second.
+/// From recordings of hands, arms and hits, clipped at many limits.
 const SIGMA: (f32, f32) = (0.04, 1.0);
 
 /// Largest deviation of that angle, as a fraction of the angle itself and of
 /// the angle at the limit.
 const AREA_SIGMA: (f32, f32) = (1.5, 0.05);
 
-/// The same where the limit is only supposed, as a fraction of the angle itself.
+/// Deviation of that angle for a supposed limit, as a fraction of the angle itself.
 const SUPPOSED_SIGMA: f32 = 0.3;
 
 /// Largest deviation, rad: the angle is unknown then.
@@ -85,14 +85,14 @@ pub(crate) enum Hidden<T> {
     Nothing,
     /// The rate is beyond this limit, rad/s.
     Rate(T),
-    /// Clipping has ended: the angle that was lost and its standard deviation, rad.
+    /// Clipping has ended: the lost angle and its standard deviation, rad.
     Angle(T, T),
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct Range<T> {
     configured: T,
-    /// An axis is clipped, or was so with the last sample.
+    /// An axis is clipped, or was clipped at the last sample.
     busy: bool,
     axes: [Axis<T>; 3],
 }
@@ -101,7 +101,7 @@ pub(crate) struct Range<T> {
 struct Axis<T> {
     /// Limits of positive and of negative rates.
     limits: [Limit<T>; 2],
-    /// One of them was found in the clipping under way.
+    /// A limit was found in the present clipping.
     fresh: bool,
     /// Sizes up to this are not examined, rad/s.
     quiet: T,
@@ -121,7 +121,7 @@ struct Axis<T> {
 /// The limit of an axis in one sense.
 #[derive(Clone, Copy, Debug, Default)]
 struct Limit<T> {
-    /// Rates of a larger size have clipped, rad/s: configured or found.
+    /// Limit, rad/s, configured or found.
     size: T,
     /// It is more than supposed.
     sure: bool,
@@ -137,9 +137,9 @@ impl<T> Limit<T> {
 enum State<T> {
     #[default]
     Clear,
-    /// Slope before the crossing (rad/s^2), `None` if not seen; time since the crossing (s).
+    /// Slope before the crossing, rad/s^2, `None` if not seen, and time since the crossing, s.
     Clipped(Option<T>, T),
-    /// The same, and the first rate after; the slope after needs a second.
+    /// As before, with the first rate after the clipping. A second rate gives the slope.
     Leaving(Option<T>, T, T),
 }
 
@@ -153,7 +153,7 @@ impl<T: Real> Range<T> {
         }
     }
 
-    /// For going back in time: the limits are known, those of positive rates for negative ones.
+    /// For going back in time: the limits of positive rates become those of negative rates.
     #[cfg(feature = "offline")]
     pub(crate) fn reversed(&self) -> Self {
         let axes = self.axes.each_ref().map(|axis| {
@@ -172,14 +172,15 @@ impl<T: Real> Range<T> {
         }
     }
 
-    /// Whether there is nothing to examine, which is nearly always so and costs no arithmetic.
+    /// Whether there is nothing to examine: the usual case, without arithmetic.
     #[inline(always)]
     pub(crate) fn is_quiet(&self, gyr: &[T; 3]) -> bool {
         let [x, y, z] = &self.axes;
         !self.busy && gyr[0].within(x.quiet) && gyr[1].within(y.quiet) && gyr[2].within(z.quiet)
     }
 
-    /// Rates that are not quiet: clamp them to the configured limit, and say what each axis hides.
+    /// Clamps rates that are not quiet to the configured limit, and gives the rotation that each
+    /// axis hides.
     #[cold]
     #[inline(never)]
     pub(crate) fn examine(&mut self, dt: T, gyr: &mut [T; 3]) -> [Hidden<T>; 3] {
@@ -188,7 +189,7 @@ impl<T: Real> Range<T> {
         for ((axis, rate), hidden) in self.axes.iter_mut().zip(gyr.iter_mut()).zip(&mut hidden) {
             *rate = rate.limited(self.configured);
             *hidden = axis.examine(dt, *rate, self.configured);
-            // What an axis remembers must be forgotten when the next sample is not examined.
+            // An axis forgets its memory if the next sample is not examined.
             self.busy |= axis.last[0].is_some();
         }
         if self.axes.iter().any(|axis| axis.fresh) {
@@ -197,7 +198,7 @@ impl<T: Real> Range<T> {
         hidden
     }
 
-    /// A limit has been found: another like it makes both sure.
+    /// A limit has been found. Another similar limit confirms both.
     fn compare(&mut self) {
         let configured = self.configured;
         let sizes = self
@@ -253,7 +254,7 @@ impl<T: Real> Axis<T> {
         self.state = match self.state {
             State::Clear if clipped => {
                 let signed = limit.negated(rate.is_negative());
-                // Found by staying the same, the limit was crossed before the slope could be seen.
+                // A limit found by equal rates was crossed before the slope could be seen.
                 let slope = match (last, before) {
                     (Some(last), Some(before)) if !found => Some((last - before) * dt.recip()),
                     _ => None,
@@ -286,7 +287,7 @@ impl<T: Real> Axis<T> {
         hidden
     }
 
-    /// A rate is beyond the supposed limit, so that there was no clipping.
+    /// A rate beyond the supposed limit shows that nothing clipped.
     fn disprove(&mut self, rate: T, configured: T) -> Hidden<T> {
         let unlimited = Limit::sure(configured);
         let sure = core::mem::replace(self.limit_mut(rate.is_negative()), unlimited).sure;
@@ -300,14 +301,14 @@ impl<T: Real> Axis<T> {
         }
     }
 
-    /// Learn the limit from rates that stay the same; true if it has just been learned.
+    /// Learns the limit from equal rates; true if it has just learned one.
     fn find_limit(&mut self, dt: T, rate: T, configured: T) -> bool {
         let size = rate.abs();
         let limit = self.limit(rate.is_negative()).size;
         if size > self.largest {
             self.largest = size;
         }
-        // A rate that was not examined was below `quiet`.
+        // A rate without examination is below `quiet`.
         let step = match self.last[0] {
             Some(last) => (rate - last).abs(),
             None => size - self.quiet,
@@ -353,7 +354,7 @@ impl<T: Real> Axis<T> {
         learned
     }
 
-    /// The angle that clipping of this duration has hidden, from the slopes before and after it.
+    /// The angle that clipping of this duration has hidden, from both slopes.
     fn lost(&self, (before, after): (T, T), time_s: T, negative: bool) -> Hidden<T> {
         let area = (before - after) * time_s * time_s * T::from_f32(1.0 / 12.0);
         let limit = self.limit(negative);
@@ -380,12 +381,12 @@ impl<T: Real> Axis<T> {
     }
 }
 
-/// A count of samples in a row, where the next of them belongs to it or not.
+/// The number of samples in a row after the next sample.
 fn next(count: u8, is_next: bool) -> u8 {
     if is_next { count.saturating_add(1) } else { 0 }
 }
 
-/// Time, within 0..`dt`, in which a rate that changes by `slope` makes up `distance`.
+/// Time, within 0..`dt`, in which a rate that changes by `slope` covers `distance`.
 fn crossing<T: Real>(distance: T, slope: T, dt: T) -> T {
     let time_s = distance * slope.recip();
     if time_s > T::ZERO && time_s.within(dt) {

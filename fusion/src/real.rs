@@ -1,4 +1,4 @@
-//! The scalar that the float filters run on.
+//! The scalar of the float filters.
 
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
@@ -8,9 +8,8 @@ pub(crate) mod sealed {
     impl Sealed for f64 {}
 }
 
-/// `f32` or `f64`. Every operation is correctly rounded IEEE arithmetic or a `libm` function in
-/// pure integer and float operations, so that the same input gives the same bits with and without
-/// an FPU.
+/// `f32` or `f64`. Every operation is correctly rounded IEEE arithmetic or a `libm` function. The
+/// same input gives the same bits with and without an FPU.
 pub trait Real:
     sealed::Sealed
     + core::fmt::Debug
@@ -33,7 +32,7 @@ pub trait Real:
 
     /// The nearest value to an `f32`.
     fn from_f32(value: f32) -> Self;
-    /// Square root; of a negative number NaN, where there is such a thing.
+    /// Square root; NaN of a negative number.
     fn sqrt(self) -> Self;
     /// `1 / self`.
     #[inline]
@@ -42,10 +41,10 @@ pub trait Real:
     }
     /// Magnitude.
     fn abs(self) -> Self;
-    /// `|self| <= limit` for `limit >= 0`, false for NaN. Without an FPU a comparison of bits, ten
+    /// `|self| <= limit` for `limit >= 0`, false for NaN. A comparison of bits: without an FPU ten
     /// times cheaper than a float comparison.
     fn within(self, limit: Self) -> bool;
-    /// Below zero, or the float's zero with a sign.
+    /// Whether the sign bit is set.
     fn is_negative(self) -> bool;
 
     /// With the other sign, if so.
@@ -54,7 +53,7 @@ pub trait Real:
         if negative { -self } else { self }
     }
 
-    /// Itself where its size is below a limit, else that limit with the sign of itself.
+    /// Clamped to `-limit..=limit`.
     #[inline(always)]
     fn limited(self, limit: Self) -> Self {
         if self.within(limit) {
@@ -64,14 +63,14 @@ pub trait Real:
         }
     }
 
-    /// The smaller one of two that are not negative; of a NaN the other.
+    /// The smaller of two non-negative values; the other one of a NaN.
     #[inline(always)]
     fn at_most(self, limit: Self) -> Self {
         if self.within(limit) { self } else { limit }
     }
     /// The nearest `f32`.
     fn to_f32(self) -> f32;
-    /// In units of `2^-bits`, towards zero and saturated: for sums that are cheaper in integers.
+    /// In units of `2^-bits`, rounded towards zero and saturated, for sums in integers.
     fn to_fixed(self, bits: u8) -> i32;
     /// Angle of the point `(x, self)`, rad.
     fn atan2(self, x: Self) -> Self;
@@ -100,7 +99,7 @@ impl Real for f32 {
     }
     #[inline(always)]
     fn within(self, limit: Self) -> bool {
-        // Bits of non-negative floats are ordered as the floats are, with NaN above infinity.
+        // The bits of non-negative floats have the floats' order, with NaN above infinity.
         self.to_bits() & 0x7fff_ffff <= limit.to_bits()
     }
     #[inline(always)]
@@ -174,17 +173,17 @@ impl Real for f64 {
     }
 }
 
-/// Sine and cosine in single precision throughout: libm's reduce the angle in double precision, 6
-/// KB of it on a chip without. Within 2e-7 up to 1,000 rad, then within the angle's own spacing;
-/// NaN for NaN and beyond 1e6.
+/// Sine and cosine in single precision. libm's functions reduce the angle in double precision, 6 KB
+/// of code without an FPU. Error 2e-7 up to 1,000 rad, then the angle's own spacing; NaN for NaN
+/// and beyond 1e6.
 ///
-/// The angle is brought into a quarter turn about zero by whole multiples of pi/2, subtracted in
-/// three parts of which the first two have so few bits that their products are exact (Cody and
-/// Waite); polynomials from Cephes' `sinf`.
+/// Multiples of pi/2 bring the angle into a quarter turn about zero. They are subtracted in three
+/// parts; the first two have few bits, so their products are exact (Cody and Waite). The
+/// polynomials are from Cephes' `sinf`.
 fn sin_cos(angle: f32) -> (f32, f32) {
     /// pi / 2 in three parts.
     const PARTS: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
-    /// Beyond, an angle's spacing is coarser than a hundredth of a turn.
+    /// Beyond this, the spacing of floats is coarser than a hundredth of a turn.
     const LARGEST: f32 = 1e6;
     if !angle.within(LARGEST) {
         return (f32::NAN, f32::NAN);

@@ -1,15 +1,14 @@
-//! Finding the attitude again after the gyroscope has clipped.
+//! Recovery of the attitude after the gyroscope has clipped.
 //!
-//! While a rate is clipped the rotation about that axis is unknown, and about no other: the
-//! covariance of the attitude's error grows along one direction only. Accelerometer and
-//! magnetometer each show two of the three components of the error, and the slopes before and after
-//! the clipping show the angle about the axis. A Kalman filter weighs them. Its state is the error
-//! as a rotation vector in the earth frame, where it stands still once the clipping is over; it is
-//! given to the attitude with every step and so is always zero again.
+//! While a rate is clipped, only the rotation about its axis is unknown: the covariance of the
+//! attitude's error grows along one direction. Accelerometer and magnetometer each show two of the
+//! three components of the error. The slopes before and after the clipping show the angle about the
+//! axis. A Kalman filter weighs them. Its state is the error as a rotation vector in the earth
+//! frame, where it stands still after the clipping. Each step moves the error into the attitude,
+//! which leaves a state of zero.
 //!
-//! Only here does the field's whole direction turn the estimate, roll and pitch included: for
-//! seconds, from an attitude that is off by far more than an ordinary disturbance of the field
-//! makes it.
+//! Here the field's whole direction turns the estimate, roll and pitch included. That lasts for
+//! seconds and corrects errors far larger than those of an ordinary disturbance.
 
 use crate::config::GRAVITY;
 use crate::quaternion::HalfRows;
@@ -17,39 +16,38 @@ use crate::range::Hidden;
 use crate::real::Real;
 use crate::vector::{Matrix, add_outer, add_scaled, cross, dot, observe, scaled, zero};
 
-/// The rate beyond the limit, in parts of it and as a density: half of it, correlated for 0.1 s,
+/// Density of the rate beyond the limit, in parts of the limit: half of it, correlated for 0.1 s,
 /// `2 * 0.5^2 * 0.1`.
 const EXCESS_S: f32 = 0.05;
 
-/// Deviation of the field's direction, rad; its time of correlation, s, makes it a density.
+/// Deviation of the field's direction, rad, and its correlation time, s.
 const FIELD: f32 = 0.1;
 const FIELD_S: f32 = 0.05;
 
 /// Standard deviation of a magnetometer's lag, s.
 const LAG_DEVIATION_S: f32 = 0.02;
 
-/// A field whose strength is further off than this is disturbed, as a fraction of the reference.
+/// Largest deviation of an undisturbed field's strength, as a fraction of the reference.
 const STRENGTH: f32 = 0.15;
 
-/// Time for which the recovery works after the last clipping, s; the filter's own gains take away
-/// what is left.
+/// Time of recovery after the last clipping, s. The filter's own gains correct the rest.
 const LASTING_S: f32 = 2.0;
 
-/// The part of a heading's variance that the field does not take away within that time, because its
-/// errors are the same for longer.
+/// Share of the heading's variance that remains after that time, because the field's errors last
+/// longer.
 const LEFT: f32 = 0.35;
 
-/// What accelerometer and magnetometer show.
+/// The observations of accelerometer and magnetometer.
 pub(crate) struct Seen<T> {
     /// Specific force, m/s^2.
     pub(crate) acc: Option<[T; 3]>,
-    /// The noise of the vertical that it shows, as a density, rad^2 s.
+    /// Noise of its vertical, as a density, rad^2 s.
     pub(crate) acc_density: T,
-    /// Field, uT, in the body frame, and what it should be in the earth frame.
+    /// Field, uT, in the body frame, and its reference in the earth frame.
     pub(crate) field: Option<([T; 3], [T; 3])>,
     /// Time since the last field, s.
     pub(crate) field_dt: T,
-    /// How late the field is behind the rates, s.
+    /// Lag of the field behind the rates, s.
     pub(crate) field_lag_s: T,
     /// Rotation rate, rad/s.
     pub(crate) rate: [T; 3],
@@ -61,21 +59,21 @@ pub(crate) struct Recovery<T> {
     covariance: Matrix<T>,
     /// The error found in this step, rad.
     error: [T; 3],
-    /// The angle by which the attitude was corrected so far about each axis that is clipped, rad.
+    /// Correction of the attitude so far about each clipped axis, rad.
     given: [Option<T>; 3],
     left_s: T,
 }
 
 impl<T: Real> Recovery<T> {
-    /// Whether a rate is clipped, or was within [`LASTING_S`].
+    /// Whether a rate is clipped, or clipped within [`LASTING_S`].
     #[inline(always)]
     pub(crate) fn is_active(&self) -> bool {
         self.left_s > T::ZERO
     }
 
-    /// One step: what the axes hide and what is seen, with the earth's axes at half length. The
-    /// correction, half a rotation vector in the body frame (rad), and the variance that the
-    /// heading has gained (rad^2).
+    /// One step, from the axes' hidden rotations and the observations, with the earth's axes at
+    /// half length. Gives the correction, half a rotation vector in the body frame (rad), and the
+    /// growth of the heading's variance (rad^2).
     #[cold]
     #[inline(never)]
     pub(crate) fn step(
@@ -117,7 +115,7 @@ impl<T: Real> Recovery<T> {
         (half, heading_variance)
     }
 
-    /// What an axis hides; the variance that the heading gains by it.
+    /// Takes the hidden rotation of an axis; gives the growth of the heading's variance.
     fn axis(&mut self, dt: T, axis: &[T; 3], hidden: Hidden<T>, given: &mut Option<T>) -> T {
         match hidden {
             Hidden::Nothing => T::ZERO,
@@ -132,7 +130,7 @@ impl<T: Real> Recovery<T> {
                 let left = match given.take() {
                     Some(given) => angle - given,
                     None => {
-                        // The limit was only supposed: nothing was corrected yet.
+                        // The limit is only supposed: no correction yet.
                         self.left_s = T::from_f32(LASTING_S);
                         self.widen(axis, T::ONE);
                         angle
@@ -161,7 +159,7 @@ impl<T: Real> Recovery<T> {
         if off.within(T::from_f32(STRENGTH)) {
             let lag = T::from_f32(LAG_DEVIATION_S);
             let noise = T::from_f32(FIELD * FIELD) + dot(rate, rate) * lag * lag + off * off;
-            // More samples in a time of correlation say no more than one.
+            // More samples in a correlation time say no more than one.
             let samples = T::from_f32(FIELD_S) * seen.field_dt.recip();
             let samples = if samples > T::ONE { samples } else { T::ONE };
             let (field, expected) = (rows.rotate(&field), scaled(expected, scale));
@@ -169,7 +167,7 @@ impl<T: Real> Recovery<T> {
         }
     }
 
-    /// A direction is seen in the earth frame where another is expected, about as long as one;
+    /// A seen direction in the earth frame, and the expected direction, both about 1 long:
     /// `expected - seen = error x seen`.
     fn observe(&mut self, seen: &[T; 3], expected: &[T; 3], variance: T) {
         let s = seen;
@@ -183,8 +181,7 @@ impl<T: Real> Recovery<T> {
         }
     }
 
-    /// The Kalman filter's update: the error along `row` is by `left` larger than what was found of
-    /// it.
+    /// The Kalman filter's update: the error along `row` exceeds its estimate by `left`.
     fn update(&mut self, row: &[T; 3], left: T, variance: T) {
         observe((&mut self.error, &mut self.covariance), row, left, variance);
     }

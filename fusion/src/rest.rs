@@ -1,9 +1,8 @@
 //! Rest detection, and the gyroscope's zero-rate offset learned there.
 //!
-//! Gyroscope and accelerometer are averaged over short blocks. When the averages of consecutive
-//! blocks stay close to the first of them for long enough, the body is at rest, and what the
-//! gyroscope then shows is offset. Block averages cost little and see through vibration, whose mean
-//! is zero.
+//! Gyroscope and accelerometer are averaged over short blocks. If the averages of consecutive
+//! blocks stay close to the first for long enough, the body is at rest, and the gyroscope shows its
+//! offset. Block averages cost little and ignore vibration, whose mean is zero.
 
 use crate::error::{ConfigError, in_range, positive, require};
 use crate::quality::BiasState;
@@ -12,23 +11,23 @@ use crate::settings::settings;
 use crate::vector::{add_scaled, difference, within};
 
 settings! {
-    /// When the body counts as at rest, and what is learned from it.
+    /// Rest detection, and the offset that it teaches.
     pub struct RestConfig {
         /// Largest deviation of the rotation rate, per axis, rad/s. 0 turns rest detection off.
         rate_rad_s: f32 = 2.0 * DEG,
-        /// Largest deviation of the acceleration, per axis, m/s^2. In float it counts up to 0.1:
-        /// gravity that drifts by more shows a slow turn.
+        /// Largest deviation of the acceleration, per axis, m/s^2. Float takes 0.1 at most: a
+        /// larger drift of gravity shows a slow turn.
         acc_m_s2: f32 = 0.5,
         /// Time of rest after which the offset is learned, s.
         time_s: f32 = 1.5,
-        /// A mean rate beyond this, per axis, is a rotation and not an offset, rad/s.
+        /// Largest offset per axis, rad/s: a larger mean rate is a rotation.
         max_bias_rad_s: f32 = 4.0 * DEG,
-        /// Time constant, s of rest, with which the offset follows once it is known.
+        /// Time constant of a known offset, s of rest.
         tau_s: f32 = 8.0,
-        /// Until a rest has shown the offset, it is found from how it tilts the estimate in motion:
-        /// deviation of the vertical that two seconds without acceleration show in the mean, rad;
-        /// with accelerations it is larger. `f32::INFINITY` waits for a rest, as fixed point always
-        /// does.
+        /// Deviation of the vertical in the mean of two seconds without acceleration, rad;
+        /// accelerations add to it. Until a rest shows the offset, the filter finds it from the
+        /// tilt that it causes in motion, with this deviation. `f32::INFINITY` waits for a rest, as
+        /// fixed point always does.
         motion_tilt_rad: f32 = 0.01,
     }
 }
@@ -44,9 +43,8 @@ const TIGHT: f32 = 0.25;
 /// Largest drift of gravity in a rest, m/s^2: a turn by 0.6 deg.
 const DRIFT_M_S2: f32 = 0.1;
 
-/// Fractional bits of the sums, whose rates (rad/s) and accelerations (m/s^2) are added in
-/// integers: without an FPU that is a fifth of the cycles. They wrap only where the body is not at
-/// rest, and are not used then.
+/// Fractional bits of the sums of rates (rad/s) and accelerations (m/s^2). Sums in integers take a
+/// fifth of the cycles without an FPU. They wrap only in motion, which does not use them.
 const GYR_BITS: u8 = 22;
 const ACC_BITS: u8 = 16;
 
@@ -64,16 +62,16 @@ pub(crate) struct Rest<T> {
     reference: Option<([T; 3], [T; 3])>,
     /// Consecutive blocks at rest.
     still: u32,
-    /// Mean rate of the blocks at rest that the offset has not learned yet. The newest is always
-    /// held back until the next is at rest too: a motion may have begun in it.
+    /// Mean rate of the blocks at rest that the offset has not learned yet. The newest block waits
+    /// until the next is at rest too: a motion may have begun in it.
     mean: [T; 3],
     /// Their number.
     held: u32,
-    /// Blocks that the offset stands on.
+    /// Blocks in the offset's mean.
     learned: u32,
     /// A block was unlike the one before it.
     moved: bool,
-    /// Consecutive blocks that would be a rest, were their rate not beyond what an offset can be.
+    /// Consecutive blocks of a steady rate that is too large for an offset.
     refused: u32,
 }
 
@@ -110,8 +108,8 @@ impl<T: Real> Rest<T> {
         self.still >= self.needed
     }
 
-    /// What is known of the offset. Refused, the last blocks show a steady rate that is larger than
-    /// an offset can be: a turn about the vertical, or an offset that is not learned.
+    /// State of the offset. "Refused": the last blocks show a steady rate that is too large for an
+    /// offset, from a turn about the vertical or from a large offset.
     pub(crate) fn bias_state(&self) -> BiasState {
         BiasState::new(self.refused >= self.needed, self.is_bias_known())
     }
@@ -121,17 +119,17 @@ impl<T: Real> Rest<T> {
         self.learned > 0
     }
 
-    /// The body has moved since the start: no rest from there on is about to show the offset.
+    /// The body has moved since the start, so no rest from the start is about to show the offset.
     pub(crate) fn has_moved(&self) -> bool {
         self.moved
     }
 
-    /// An offset is known from elsewhere, as well as a shortest rest shows it.
+    /// An offset from elsewhere, with the weight of a shortest rest.
     pub(crate) fn know(&mut self) {
         self.learned = self.learned.max(self.needed);
     }
 
-    /// For going back in time: only how much the offset stands on is kept.
+    /// For going back in time: only the weight of the offset stays.
     #[cfg(feature = "offline")]
     pub(crate) fn reversed(&self) -> Self {
         Self {
@@ -191,8 +189,8 @@ impl<T: Real> Rest<T> {
         };
         self.moved |= self.reference.is_some() && !steady;
         if !(steady && small) {
-            // This block may itself hold the end of a motion: it is what the next is compared with,
-            // and not part of the mean.
+            // This block may hold the end of a motion. The next block is compared with it, but the
+            // mean leaves it out.
             self.reference = Some((gyr, acc));
             self.still = 0;
             return;

@@ -8,9 +8,8 @@
 //! | [`Median`] | `(N - 1) / 2` for a ramp | single outliers, which it removes altogether |
 //! | [`SavitzkyGolay`] | `(N - 1) / 2` | keeping the height of peaks: it follows a parabola exactly |
 //!
-//! Until a window is full, each filter works on what it has: the first output is the first input. A
-//! value that is not a number stays in a window for `N` samples and in [`Exponential`] for ever;
-//! keep it out.
+//! Until a window is full, each filter uses the samples so far: the first output is the first
+//! input. Keep NaN out: it stays in a window for `N` samples and in [`Exponential`] for ever.
 
 use core::array;
 
@@ -73,8 +72,8 @@ impl<const N: usize> MovingAverage<N> {
         }
     }
 
-    /// Take a sample, give the mean. Summed anew each time: a running sum would keep its rounding
-    /// for ever.
+    /// Take a sample, give the mean. It sums anew each time, because a running sum would keep its
+    /// rounding for ever.
     pub fn update(&mut self, sample: f32) -> f32 {
         self.window.push(sample);
         self.window.mean()
@@ -119,8 +118,8 @@ pub struct Weighted<const N: usize> {
 }
 
 impl<const N: usize> Weighted<N> {
-    /// With weights for the newest sample, the one before and so on. `None` if one is negative or
-    /// not finite, or that of the newest is 0.
+    /// With weights from the newest sample to the oldest. `None` if a weight is negative or not
+    /// finite, or the newest sample's is 0.
     pub fn new(weights: [f32; N]) -> Option<Self> {
         let is_size = |weight| (0.0..f32::INFINITY).contains(weight);
         let valid = weights.iter().all(is_size);
@@ -186,9 +185,9 @@ impl<const N: usize> Median<N> {
 /// Savitzky-Golay smoothing: the middle of the parabola that fits the last `N` samples best.
 ///
 /// A. Savitzky, M. Golay, "Smoothing and differentiation of data by simplified least squares
-/// procedures", Analytical Chemistry 36(8), 1964. Delay `(N - 1) / 2` samples at every frequency;
-/// parabolas pass unchanged, and so do the outliers that a mean would flatten. `N` is odd and at
-/// least 3; until the window is full the output is the mean of what there is.
+/// procedures", Analytical Chemistry 36(8), 1964. Delay `(N - 1) / 2` samples at every frequency.
+/// Parabolas pass unchanged, and so do the outliers that a mean would flatten. `N` is odd and at
+/// least 3. Until the window is full, the output is the mean of the samples so far.
 #[derive(Clone, Debug)]
 pub struct SavitzkyGolay<const N: usize> {
     window: Window<N>,
@@ -214,7 +213,7 @@ impl<const N: usize> SavitzkyGolay<N> {
         }
     }
 
-    /// Take a sample, give the smoothed value of the one in the middle of the window.
+    /// Take a sample, give the smoothed value in the middle of the window.
     pub fn update(&mut self, sample: f32) -> f32 {
         self.window.push(sample);
         if self.window.count < N {

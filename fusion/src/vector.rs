@@ -61,7 +61,7 @@ pub(crate) fn cross<T: Real>(a: &[T; 3], b: &[T; 3]) -> [T; 3] {
     ]
 }
 
-/// The matrix with this number along its diagonal and 0 beside it.
+/// The diagonal matrix of this number.
 pub(crate) fn diagonal<T: Real>(value: T) -> Matrix<T> {
     let mut matrix = Matrix::default();
     add_diagonal(&mut matrix, value);
@@ -82,8 +82,8 @@ pub(crate) fn add_outer<T: Real>(matrix: &mut Matrix<T>, left: &[T; 3], right: &
     }
 }
 
-/// A Kalman filter's update: `row . state` is seen to be larger by `left`, with this variance.
-/// Where rounding has made a variance negative along the row, nothing is learned.
+/// A Kalman filter's update: `row . state` is seen to be larger by `left`, with this variance. A
+/// variance along the row that rounding has made negative changes nothing.
 pub(crate) fn observe<T: Real>(
     (state, covariance): (&mut [T; 3], &mut Matrix<T>),
     row: &[T; 3],

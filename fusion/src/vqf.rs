@@ -1,11 +1,10 @@
-//! A filter of the VQF class: the acceleration is averaged where it is nearly constant, in the
-//! earth frame.
+//! A filter of the VQF class: averages the acceleration in the earth frame, where it is nearly
+//! constant.
 //!
 //! D. Laidig, T. Seel, "VQF: Highly accurate IMU orientation estimation with bias estimation and
-//! magnetic disturbance rejection", Information Fusion 91, 2023, section 3: in a frame that turns
+//! magnetic disturbance rejection", Information Fusion 91, 2023, section 3. In a frame that turns
 //! with the drift of the gyroscope only, gravity stands still and the acceleration of a motion has
-//! a mean of zero, so that a second-order low pass separates them. There the low-passed
-//! acceleration gives the inclination at once.
+//! a mean of zero. A second-order low pass separates them and gives the inclination at once.
 //!
 //! Here the same low pass closes a loop. With the tilt error `e` seen in the earth frame,
 //!
@@ -14,11 +13,10 @@
 //! correction rate = z / tau
 //! ```
 //!
-//! has the response `1 / (tau T s^2 + tau s + 1)` from what the accelerometer shows to what the
-//! estimate follows: of second order, Butterworth for `T = tau / 2`, and then with VQF's time
-//! constant `tau`. It takes two numbers of state and no trigonometry. A smaller `tau` and a larger
-//! `T` (damping 0.53 instead of 0.71) follow gyroscope errors sooner at the same smoothing. Heading
-//! follows at its own time constant.
+//! has the response `1 / (tau T s^2 + tau s + 1)` from the accelerometer to the estimate: of second
+//! order, and for `T = tau / 2` Butterworth with VQF's time constant `tau`. It takes two numbers of
+//! state and no trigonometry. A smaller `tau` and a larger `T` (damping 0.53 instead of 0.71)
+//! follow gyroscope errors sooner at the same smoothing. Heading has a time constant of its own.
 
 use crate::config::GRAVITY;
 use crate::error::{ConfigError, in_range, positive};
@@ -40,7 +38,7 @@ settings! {
 }
 
 impl VqfGains {
-    /// For [`offline`](crate#features) use: of the average of two passes each may be slower.
+    /// For [`offline`](crate#features) use: each of two averaged passes may be slower.
     pub const fn offline() -> Self {
         Self {
             acc_tau_s: 2.0,
@@ -105,13 +103,13 @@ impl<T: Real> Filter for Vqf<T> {
             let seen = [dot(&rows.north, &acc), dot(&rows.east, &acc)];
             let [north, east] = &mut self.smooth;
             let rate = if view.floor > self.acc_per_s {
-                // A running mean is smooth enough; the low pass starts from rest when it is over.
+                // A running mean is smooth enough; after it the low pass starts from rest.
                 (*north, *east) = (T::ZERO, T::ZERO);
                 about_north = -seen[1];
                 about_east = seen[0];
                 view.floor
             } else {
-                // For a step that is short beside T the division is spared.
+                // A step that is short beside T spares the division.
                 let share = if view.dt.within(self.smoothing_s * T::from_f32(0.05)) {
                     view.dt * self.smoothing_per_s
                 } else {
