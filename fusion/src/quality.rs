@@ -43,7 +43,7 @@ impl BiasState {
     }
 }
 
-/// How far an estimate may be off: standard deviations, and what is known.
+/// Standard deviations of an estimate, and the state of offset and field.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -47,7 +47,7 @@ pub trait Real:
     /// Whether the sign bit is set.
     fn is_negative(self) -> bool;
 
-    /// With the other sign, if so.
+    /// With the other sign if `negative`.
     #[inline(always)]
     fn negated(self, negative: bool) -> Self {
         if negative { -self } else { self }
@@ -63,7 +63,7 @@ pub trait Real:
         }
     }
 
-    /// The smaller of two non-negative values; the other one of a NaN.
+    /// The smaller of two non-negative values; `limit` if `self` is NaN.
     #[inline(always)]
     fn at_most(self, limit: Self) -> Self {
         if self.within(limit) { self } else { limit }

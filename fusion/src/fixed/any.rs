@@ -8,7 +8,7 @@ use crate::madgwick::MadgwickGains;
 use crate::mahony::MahonyGains;
 use crate::vqf::VqfGains;
 
-/// The choice between filters, with what each of them does.
+/// The choice between filters, with the coefficients of each.
 macro_rules! any {
     ($($name:ident: $gains:ident),+) => {
         /// Which filter, and its gains.
@@ -17,7 +17,7 @@ macro_rules! any {
             $(#[doc = concat!("[`", stringify!($name), "`].")] $name($gains),)+
         }
 
-        /// The filter that its gains name: the same bits as from that filter itself.
+        /// The filter that its gains name, with the same bits as that filter.
         #[derive(Clone, Debug, PartialEq)]
         pub enum AnyFilter {
             $(#[doc = concat!("See [`", stringify!($name), "`].")] $name($name),)+

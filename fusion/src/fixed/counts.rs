@@ -1,12 +1,11 @@
-//! What goes in: samples as the sensors give them, and what a count of them is worth.
+//! Input: samples as the sensors give them, and the value of a count.
 
 use core::ops::RangeInclusive;
 
 use crate::error::{ConfigError, in_range, require};
 
-/// Sampling periods that the estimators take, us; the longest ones only where a step of 1.25
-/// periods turns by no more than the quarter of a radian an axis that the rotation has room for
-/// ([`Scale::TURN_RAD`]).
+/// Sampling periods that the estimators take, us. In the longest periods, a step of 1.25 periods
+/// must turn by at most a quarter of a radian an axis ([`Scale::TURN_RAD`]).
 pub const PERIOD_US: RangeInclusive<u32> = 500..=10_500;
 
 /// One sample as the sensors give it, in body axes.
@@ -42,20 +41,20 @@ impl Scale {
         mag_ut: 0.0625,
     };
 
-    /// Rotation rates of a count that the estimators take, rad/s: up to 2340 deg/s at full scale.
+    /// Accepted rotation rates of a count, rad/s: up to 2340 deg/s at full scale.
     pub const GYR_RAD_S: RangeInclusive<f32> = 1e-5..=0.001_25;
 
-    /// Largest turn of a count in a sampling period that they take, rad: 2150 deg/s at full scale
-    /// for 10.5 ms, 2300 for 9.8.
+    /// Largest accepted turn of a count in a sampling period, rad: 2150 deg/s at full scale for
+    /// 10.5 ms, 2300 for 9.8.
     pub const TURN_RAD: f32 = 0.001_15 * 10.5e-3;
 
-    /// Specific forces of a count that they take, m/s^2: 1.7 g to 167 g at full scale.
+    /// Accepted specific forces of a count, m/s^2: 1.7 g to 167 g at full scale.
     pub const ACC_M_S2: RangeInclusive<f32> = 5e-4..=0.05;
 
     /// Fields of a count that they take, uT.
     pub const MAG_UT: RangeInclusive<f32> = 1e-3..=1.0;
 
-    /// Refuses a scale that the number formats are not made for, at this sampling period.
+    /// Refuses a scale outside of the number formats at this sampling period.
     #[inline(always)]
     pub(super) fn check(&self, period_s: f32) -> Result<(), ConfigError> {
         require(Self::GYR_RAD_S.contains(&self.gyr_rad_s), "gyr_rad_s")?;

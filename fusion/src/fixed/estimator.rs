@@ -1,8 +1,8 @@
 //! One step: from counts to orientation.
 //!
 //! # The equations
-//! With the measured rates `g`, their offset `b`, the time step `dt`, the correction `c` that the
-//! step before has found, the specific force `a` and the field `m`:
+//! With the measured rates `g`, their offset `b`, the time step `dt`, the correction `c` from the
+//! step before, the specific force `a` and the field `m`:
 //!
 //! ```text
 //! h = (g - b) dt / 2 + c                  half the rotation vector of the step, body frame
@@ -14,44 +14,44 @@
 //!
 //! | file | what it derives |
 //! |---|---|
-//! | this one | time step, heading correction, which step does what |
-//! | `rotation` | integration, rows, the room that a rotation has |
+//! | this file | time step, heading correction, order of the slow work |
+//! | `rotation` | integration, rows, the largest rotation |
 //! | `filters` | the tilt correction |
 //! | `field` | the heading error and its weight |
-//! | `rest` | the offset, and the blocks that all slow work is counted in |
+//! | `rest` | the offset, and the blocks in which all slow work is counted |
 //! | `start_up` | the gains, from those of a running mean to the filter's own |
 //! | `sensors` | which sensors are late |
-//! | `lag` | what a sensor shows now whose samples are older than the rates |
-//! | `quality` | how far the estimate may be off |
+//! | `lag` | the present value of a sensor whose samples are older than the rates |
+//! | `quality` | the standard deviations of the estimate |
 //!
 //! # The number formats
 //! `format` has the rules. Gyroscope, accelerometer and magnetometer stay in counts of 16 bits:
 //!
-//! | number | format | bound, and what sets it |
+//! | number | format | bound and its reason |
 //! |---|---|---|
 //! | half angle per count and us | Q(31 + `turn_shift` + 16) | below `2^31 / max_short_dt_us`: times a time step it fits |
 //! | half angle per count | Q(31 + `turn_shift`) | below `2^15`: times a rate of 16 bits it fits |
-//! | half angles, corrections | Q31 rad | each its own part of the 0.84 rad that a rotation has room for |
+//! | half angles, corrections | Q31 rad | each its own part of the 0.84 rad of the largest rotation |
 //! | quaternion | Q30 | 1; Q15 where it is a factor |
 //! | rows n, e, d | Q15 | 1 |
 //! | row times counts | Q15 counts | `2^15 * 2^15 sqrt(3) < 2^31` |
 //! | sine of the heading error | Q15 | 1, and 2 beyond a right angle |
 //! | heading correction | Q(16 + `heading_shift`) rad | `MAX_HEADING_TURN`: times a row it fits |
 //!
-//! **Time.** `turn_shift` is chosen so that a count turns by `2^14` to `2^15` units in the longest
-//! short step, of 1.25 periods: all the bits that the product with a rate leaves. What the product
-//! with the time step has below a unit is carried into the next step, so that no time is lost. A
-//! longer step divides its time by `2^coarse_shift` and gives up as many bits of `turn_shift`.
+//! **Time.** With `turn_shift`, a count turns by `2^14` to `2^15` units in the longest short step,
+//! of 1.25 periods: all the bits that the product with a rate leaves. The next step takes the
+//! remainder of the product with the time step, so no time is lost. A longer step divides its time
+//! by `2^coarse_shift` and gives up as many bits of `turn_shift`.
 //!
 //! **Heading.** An error of `x` in Q15 is a half angle of `x` in Q16, which spares a shift. The
-//! gain's factor is below `2^13`, the sine at most `2^16`: below `2^29`, then cut by 15. One
-//! correction stands for all samples since the last field, at most for as many as make the whole
-//! error, `4 << heading_shift`.
+//! gain's factor is below `2^13` and the sine at most `2^16`. Their product is below `2^29`, then
+//! cut by 15. One correction stands for all samples since the last field, at most for
+//! `4 << heading_shift`, which correct the whole error.
 //!
 //! # Which step does what
-//! Judging the field, closing the blocks of the rest detection and changing the gains are spread
-//! over steps of their own ([`Estimator::housekeeping`]), and such a step skips the heading
-//! correction. The worst case is so little more than the mean.
+//! Judging the field, closing the blocks of the rest detection and changing the gains each have
+//! steps of their own ([`Estimator::housekeeping`]). Such a step skips the heading correction. So
+//! the worst case is little more than the mean.
 
 use super::counts::{Counts, PERIOD_US, Scale};
 use super::field::{Compass, size};
@@ -81,14 +81,13 @@ const MAX_HALF_ANGLE: f32 = 0.38;
 /// Fractional bits of the half angle per count and us below those of the half angle per count.
 const DT_BITS: u32 = 16;
 
-/// Most bits that are given up in a step longer than 1.25 periods: eight times that are ten
-/// periods.
+/// Most bits given up in a step longer than 1.25 periods: eight times 1.25 periods are ten periods.
 const MAX_COARSE_SHIFT: u32 = 3;
 
-/// An attitude estimator in fixed point: all that follows from a configuration. It never changes;
-/// what it remembers is a [`State`], which each step changes.
+/// An attitude estimator in fixed point: the constants of a configuration. Each step changes a
+/// [`State`].
 ///
-/// `S` says what the sensors are like: [`Late`] or [`Ideal`](super::Ideal).
+/// `S` is the kind of sensors: [`Late`] or [`Ideal`](super::Ideal).
 #[derive(Clone, Debug, PartialEq)]
 #[repr(C)]
 pub struct Estimator<F, S = Late> {
@@ -104,7 +103,8 @@ pub struct Estimator<F, S = Late> {
     compass: Compass,
     schedule: Schedule,
     uncertainty: Uncertainty,
-    /// Longest step that is integrated, us; a longer one is a gap, and integrated as this.
+    /// Longest step that is integrated, us. A longer step is a gap, of which this much is
+    /// integrated.
     max_dt_us: u32,
     /// Largest product of a long step, us, and the sum of the rates' sizes, counts:
     /// [`MAX_HALF_ANGLE`].
@@ -113,20 +113,19 @@ pub struct Estimator<F, S = Late> {
     coarse_shift: u32,
     /// Cosine and sine of half the declination, unless it is zero.
     half_declination: Option<(Q15, Q15)>,
-    /// What a count of the gyroscope is worth, rad/s.
+    /// Value of a gyroscope's count, rad/s.
     gyr_rad_s: f32,
 }
 
 impl<F: Filter, S: Sensors> Estimator<F, S> {
-    /// For samples of about every `period_us` microseconds, in [`PERIOD_US`]. The gains of the
-    /// correction are per sample, the rates are integrated over the time steps as they are.
+    /// For samples about every `period_us` microseconds, in [`PERIOD_US`]. The gains of the
+    /// correction are per sample; the rates are integrated over the true time steps.
     ///
     /// # Errors
-    /// A parameter, a gain, the period or the scale of a sensor out of range, by name. The
-    /// accelerometer's gate and Mahony's integral gain do not exist in fixed point and are refused
-    /// too.
-    // Inlined with all that it calls, a configuration that is constant leaves constants: 2 KB of
-    // soft float less.
+    /// The name of a parameter, gain, period or scale out of range. Fixed point also refuses the
+    /// accelerometer's gate and Mahony's integral gain.
+    // If it is inlined with its callees, a constant configuration leaves constants: 2 KB of soft
+    // float less.
     #[inline(always)]
     pub fn new(
         config: &Config<F::Gains>,
@@ -195,9 +194,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         }
     }
 
-    /// Whether a state from elsewhere is one that updates with these settings can have left, as far
-    /// as their arithmetic depends on it. One that is not is no state to go on from: numbers would
-    /// overflow.
+    /// Whether updates with these settings can have left this state, as far as their arithmetic
+    /// depends on it. With any other state, numbers would overflow.
     pub fn accepts(&self, state: &State) -> bool {
         let LastField { is_known, mag } = &state.last_field;
         state.rotation.is_sound(self.rest.max_bias)
@@ -229,8 +227,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         state.rotation.bias
     }
 
-    /// The whole estimate in float, with these rates of the newest sample, counts: for whoever does
-    /// not count cycles.
+    /// The whole estimate in float, with these rates of the newest sample, counts. It takes many
+    /// cycles.
     pub fn attitude(&self, state: &State, gyr: &[i16; 3]) -> Attitude {
         let bias = state.rotation.bias;
         let bias = bias.map(|bias| bias as f32 / 512.0 * self.gyr_rad_s);
@@ -244,7 +242,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     }
 
     /// Health of the estimate. A gap is a step of more than 1.25 periods in the last quarter of a
-    /// second; the accelerometer is never rejected.
+    /// second. The accelerometer is never rejected.
     pub fn flags(&self, state: &State) -> Flags {
         Flags {
             initialised: self.schedule.is_started(&state.schedule),
@@ -255,10 +253,9 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         }
     }
 
-    /// How far the estimate may be off, brought up to date once a block of about a quarter of a
-    /// second. Of a body in free flight ([`Estimator::coast`]) it says no more than that the tilt
-    /// is uncertain.
-    // Inlined, so that what nobody asks for is left out.
+    /// Standard deviations of the estimate, renewed once a block of about a quarter of a second. In
+    /// free flight ([`Estimator::coast`]) they tell only that the tilt is uncertain.
+    // Inlined, so that the compiler leaves out unused parts.
     #[inline(always)]
     pub fn quality(&self, state: &State) -> Quality {
         let (field, bias) = (state.compass.reference(), self.bias_state(state));
@@ -270,22 +267,21 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         self.rest.bias_state(&state.rest)
     }
 
-    /// Whether the tilt's standard deviation, as [`Self::quality`] has it, is within the root of
-    /// this variance, Q28 rad^2: without a float.
+    /// Whether the tilt's standard deviation of [`Self::quality`] is within the root of this
+    /// variance, Q28 rad^2, without a float.
     pub fn tilt_is_within(&self, state: &State, variance_q28: i32) -> bool {
         state.uncertainty.tilt_is_within(variance_q28)
     }
 
-    /// Find tilt and heading anew, from the next block of samples on and as after a gap; the offset
-    /// that has been learned stays. For whoever knows that the estimate was turned by a rate that
-    /// was none.
+    /// Find tilt and heading anew from the next block of samples on, as after a gap; the learned
+    /// offset stays. For a body whose estimate a false rate has turned.
     pub fn level(&self, state: &mut State) {
         self.schedule.restart(&mut state.schedule);
         self.expect_large_gains(state);
     }
 
-    /// Find the attitude anew from the next block of samples on, as after [`Estimator::start`].
-    /// What was learned of the sensors stays: offset and field.
+    /// Find the attitude anew from the next block of samples on, as after [`Estimator::start`]. The
+    /// learned offset and field stay.
     pub fn reset(&self, state: &mut State) {
         let before = *state;
         *state = State {
@@ -299,9 +295,9 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         state.uncertainty.keep_bias(&before.uncertainty);
     }
 
-    /// Take one sample, `dt_us` microseconds after the one before; with 0, nothing turns. More than
-    /// 30,000, or than 2.5 to 10 periods (as period and scale leave room), is a gap: only that much
-    /// is integrated, and the gains are those of a running mean again.
+    /// Take one sample, `dt_us` microseconds after the sample before; with 0, nothing turns. A gap
+    /// begins at 30,000, or at 2.5 to 10 periods, depending on period and scale. Only that much of
+    /// a gap is integrated, and the gains are a running mean's again.
     #[inline]
     pub fn update(&self, state: &mut State, dt_us: u32, counts: &Counts) {
         let gyr = counts.gyr;
@@ -310,12 +306,12 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         let long = dt_us > self.max_short_dt_us;
         let limit = state.gains.acc_limit;
         if limit != 0 {
-            // A mask of all bits or none, as the core has no conditional move.
+            // A mask of all bits or none: the core has no conditional move.
             let size = acc[0].abs() + acc[1].abs() + acc[2].abs();
             let within = (size - limit) >> 31;
             acc = acc.map(|acc| acc & within);
-            // The heading may be off by any angle: the last field stands for those that a slow
-            // magnetometer leaves out.
+            // The heading may be off by any angle: the last field stands for the fields between a
+            // slow magnetometer's samples.
             match mag {
                 Some(mag) => state.last_field = LastField { is_known: 1, mag },
                 None if state.last_field.is_known != 0 => mag = Some(state.last_field.mag),
@@ -370,10 +366,10 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         pending[2] += tilt[2] + ((turn * down[2]) >> shift);
     }
 
-    /// Take one sample of a body in free flight, `dt_us` after the one before: the rates alone turn
-    /// the estimate. Its accelerometer feels thrust and air, which show no vertical, so that
-    /// neither tilt, heading nor offset is corrected. Of more than 30,000 us, or than 2.5 to 10
-    /// periods, only that much is integrated.
+    /// Take one sample of a body in free flight, `dt_us` after the sample before: the rates alone
+    /// turn the estimate. The accelerometer feels thrust and air, which show no vertical, so
+    /// neither tilt, heading nor offset is corrected. Only 30,000 us, or 2.5 to 10 periods, of a
+    /// gap are integrated.
     #[inline(never)]
     pub fn coast(&self, state: &mut State, dt_us: u32, gyr: &[i16; 3]) {
         let (mut step_us, mut shift) = (dt_us, self.turn_shift);
@@ -389,8 +385,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         state.uncertainty.lose_tilt();
     }
 
-    /// Integrate the rates over a step, whose time and shift are those of [`Self::coarse`] where it
-    /// is long.
+    /// Integrate the rates over a step. Time and shift of a long step come from [`Self::coarse`].
     #[inline(always)]
     fn turn(&self, state: &mut State, gyr: &[i16; 3], step_us: u32, shift: u32) {
         let product = step_us * self.per_count_us + state.dt_remainder;
@@ -399,8 +394,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         state.rotation.turn(gyr, PerCount { half_angle, shift });
     }
 
-    /// Runs the job of the rest detection or of the gains that is due, else that of the compass,
-    /// else that of the uncertainties. Not in a long step.
+    /// Runs one job: of the rest detection or the gains, else of the compass, else of the
+    /// deviations. A long step runs none.
     #[inline(never)]
     fn housekeeping(&self, state: &mut State, job: u32, gyr: &[i16; 3], acc_z: i32) {
         if job < rest::START_UP {
@@ -442,16 +437,16 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         }
     }
 
-    /// Large gains could overflow: limit accelerations from now on. A rest that is under way has
-    /// not been one.
+    /// Large gains could overflow: limits accelerations from now on. The rest under way does not
+    /// count.
     #[inline(always)]
     fn expect_large_gains(&self, state: &mut State) {
         self.schedule.limit_acc(&mut state.gains);
         state.rest.interrupt();
     }
 
-    /// A step of more than 1.25 periods: the time that is integrated and the shift, as
-    /// [`Self::coarse`] gives them. One that is too long begins the gains anew.
+    /// A step of more than 1.25 periods: time and shift of its integration, from [`Self::coarse`].
+    /// A gap begins the gains anew.
     #[cold]
     #[inline(never)]
     fn long_step(&self, state: &mut State, dt_us: u32, gyr: &[i16; 3]) -> (u32, u32) {
@@ -466,9 +461,9 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         self.coarse(dt_us, gyr)
     }
 
-    /// A time (us) of more than 1.25 periods, divided by `2^coarse_shift`, and the shift that goes
-    /// with it. Where the body turns so fast that the whole time would be too large a rotation, it
-    /// is 1.25 periods.
+    /// A time (us) of more than 1.25 periods, divided by `2^coarse_shift`, and its shift. If the
+    /// body turns so fast that the whole time would be too large a rotation, the time is 1.25
+    /// periods.
     fn coarse(&self, mut dt_us: u32, gyr: &[i16; 3]) -> (u32, u32) {
         if dt_us * size(gyr) > self.max_rotation {
             dt_us = self.max_short_dt_us;
@@ -480,7 +475,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     }
 }
 
-/// Largest rate less its offset that is no damage, counts.
+/// Largest plausible rate less its offset, counts.
 const MOST_RATE: i32 = 1 << 16;
 
 /// Cosine and sine of half the declination; `None` when it is zero.

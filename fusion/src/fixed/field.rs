@@ -11,19 +11,18 @@
 //! ```
 //!
 //! It follows the reference by Newton's step `inverse += inverse (1 - limit inverse / 2^27)`, once
-//! a judgement. `inverse` is cut by 3 bits and the error by 12 for that, so that both have 15. The
-//! step converges from any value that is less than twice too large: the limit grows by halves at
-//! most.
+//! a judgement. For that, `inverse` is cut by 3 bits and the error by 12, so both have 15. The step
+//! converges from any value less than twice too large: the limit grows by halves at most.
 //!
 //! # The judgement
-//! About thirty times a second a field is kept in Q8 and compared with the reference: `|dh| + |dv|`
-//! of the horizontal and the vertical part must be within `gate` times the reference's length. The
-//! weight falls in four steps towards that limit. Lengths are those of [`length`], without a root:
-//! exact enough for a gate. The gate is at most 64, so that its product in Q8 with a length in
-//! whole counts fits.
+//! About thirty times a second, a field is kept in Q8 and compared with the reference. The
+//! deviations of the horizontal and the vertical part, `|dh| + |dv|`, must be within `gate` times
+//! the reference's length. The weight falls in four steps towards that limit. [`length`] gives
+//! lengths without a root, exact enough for a gate. The gate is at most 64, so that its product in
+//! Q8 with a length in whole counts fits.
 //!
-//! The reference is first taken from single fields, as tilt and heading are not found yet, then
-//! averaged over 16, then followed by a power of two of the difference.
+//! At first single fields set the reference, because tilt and heading are not found yet. Then it
+//! averages 16 fields, and after that it follows by a power of two of the difference.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -36,21 +35,19 @@ use crate::field::{FieldConfig, JUDGE_S, JUDGE_SAMPLES, MIN_HORIZONTAL_UT};
 /// Fractional bits of the reference.
 const BITS: u32 = 8;
 
-/// Weight of a field that is like the reference: a power of two, for steps of a quarter and the
-/// half.
+/// Weight of a field like the reference: a power of two, for steps of a quarter and the half.
 const FULL: i32 = 8;
 
-/// Judged fields of which each replaces the reference: tilt and heading are not found yet.
+/// Judged fields that each replace the reference: tilt and heading are not found yet.
 const FORGOTTEN: i32 = 24;
 
 /// Judged fields that are averaged into the reference before the gate works.
 const LEARNING: i32 = 16;
 
-/// Tolerance until then, counts: more than any field deviates.
+/// Tolerance until then, counts: above any deviation.
 const ANYTHING: Q8 = 1 << 29;
 
-/// Horizontal field with which the reciprocal begins, counts: that of middle latitudes for a
-/// BNO055.
+/// Horizontal field for the first reciprocal, counts: middle latitudes for a BNO055.
 const FIRST: Q4 = 256 << 4;
 
 /// Least and largest horizontal field whose reciprocal fits, counts.
@@ -59,10 +56,10 @@ const LIMITS: (Q4, Q4) = (32 << 4, 1 << 21);
 /// Least reciprocal from which Newton's steps find back.
 const LEAST_INVERSE: i32 = 64;
 
-/// Largest part of a field, counts: more than 16 bits along three axes make.
+/// Largest part of a field, counts: above 16 bits along three axes.
 const MOST: Q8 = 1 << 24;
 
-/// `CompassState::due` of a field that is to be compared; that of one to be decided on is one less.
+/// `CompassState::due` of a field to compare. One less is a field to decide on.
 const COMPARE: u32 = 2;
 
 /// The magnetometer as a compass: limits in counts, times in samples.
@@ -75,7 +72,7 @@ pub(super) struct Compass {
     gate: Q8,
     /// Horizontal field below which a compass has no direction, counts.
     min_horizontal: Q8,
-    /// Share of a field in the reference once that is learned, as a negative power of two.
+    /// Share of a field in a learned reference, as a negative power of two.
     follow: u32,
     /// Limit of `rejected`: then the heading follows the field at half the gain.
     max_rejected: u32,
@@ -85,23 +82,23 @@ pub(super) struct Compass {
     adopt_rate: u32,
 }
 
-/// The reference that the compass is held to, and the judgement under way. First what every field
-/// sample touches.
+/// The reference of the compass, and the judgement under way. The fields that every field sample
+/// touches come first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct CompassState {
     /// `2^27 / limit`.
     inverse: i32,
-    /// The horizontal part of the reference that the reciprocal has come to, counts: the largest
-    /// part across that has a sine.
+    /// The horizontal part of the reference by the reciprocal, counts: the largest transverse part
+    /// that has a sine.
     limit: Q4,
     /// Weight of the field, in parts of `FULL`.
     weight: i32,
-    /// Sample number from which on the next field is kept for a judgement.
+    /// Sample number from which on the next field is judged.
     judge_at: u32,
     /// Sample number of the field that is judged.
     last: u32,
-    /// Steps of the judgement that are to come: `COMPARE` and down to 0, none.
+    /// Steps of the judgement still to come: `COMPARE` down to 0.
     due: u32,
     /// The field that is judged: north, east and down, counts.
     seen: [Q8; 3],
@@ -109,13 +106,13 @@ pub(super) struct CompassState {
     reference: [Q8; 2],
     /// The same of the field that is judged.
     met: [Q8; 2],
-    /// The same of a field unlike the reference, against which later ones are compared.
+    /// North, east and down of a field unlike the reference, for comparison with later fields.
     candidate: [Q8; 2],
     /// Largest deviation from the reference, counts.
     tolerance: Q8,
-    /// By how much the newest field was within the tolerance, counts; negative beyond it.
+    /// Margin of the newest field to the tolerance, counts; negative beyond it.
     margin: Q8,
-    /// Field samples that the reference stands on, while it is learned.
+    /// Field samples in the reference so far.
     judged: i32,
     /// The share of the next field in the reference, as a negative power of two.
     share: u32,
@@ -210,7 +207,8 @@ impl Compass {
         let sign = east >> 31;
         let max = (state.limit ^ sign) - sign;
         let across = east >> 11;
-        // Beyond a right angle all of it is across, and twice that: back sooner.
+        // Beyond a right angle the whole field counts as transverse, and twice: the heading returns
+        // sooner.
         let across = if north < 0 {
             2 * max
         } else if (across ^ sign) > (max ^ sign) {
@@ -221,7 +219,7 @@ impl Compass {
         -((((across * state.inverse) >> 12) * state.weight) >> 3)
     }
 
-    /// Judge the field that was kept, in two steps: this is the next.
+    /// Does the next of two steps of the kept field's judgement.
     #[inline(never)]
     pub(super) fn judge(&self, state: &mut CompassState, gyr: &[i16; 3]) {
         state.due -= 1;
@@ -232,7 +230,7 @@ impl Compass {
         }
     }
 
-    /// How far the field is from the reference, which follows it if it is near.
+    /// Compares the field with the reference, which follows a field within the tolerance.
     fn compare(&self, state: &mut CompassState) {
         let [north, east, down] = state.seen;
         state.met = [length(north, east).max(self.min_horizontal), down];
@@ -249,7 +247,7 @@ impl Compass {
         state.invert();
     }
 
-    /// What the comparison makes of the weight, the tolerance and the candidate.
+    /// Weight, tolerance and candidate after the comparison.
     fn decide(&self, state: &mut CompassState, gyr: &[i16; 3]) {
         let elapsed = state.last.wrapping_sub(state.before);
         state.before = state.last;
@@ -261,7 +259,7 @@ impl Compass {
                 state.share += u32::from((state.judged >> 1) >> (state.share & 31) > 0);
             } else {
                 state.share = self.follow;
-                // A part of the whole in parts of `FULL`, rounded up to quarters: a sign is -1.
+                // A part of the whole in parts of `FULL`, rounded up to quarters. A sign is -1.
                 let quarter = state.tolerance >> 2;
                 let sign = |value: i32| value >> 31;
                 let quarters = 4
@@ -280,9 +278,9 @@ impl Compass {
         } else {
             0
         };
-        // Does it stay the same while the body turns? By a tolerance of its own: that of a strong
-        // reference would take any weak field for none at all. Its larger part stands for its
-        // length, which would take longer.
+        // Whether the field stays the same while the body turns. Its tolerance is its own: a strong
+        // reference's would ignore any difference of weak fields. The larger part stands for the
+        // length, to save time.
         let ([h, v], [like_h, like_v]) = (state.met, state.candidate);
         let tolerance = (like_h.max(like_v.abs()) >> BITS) * self.gate;
         if (h - like_h).abs() + (v - like_v).abs() > tolerance {
@@ -296,7 +294,7 @@ impl Compass {
         }
     }
 
-    /// Whether the numbers are ones that an update can have left.
+    /// Whether an update can have left these numbers.
     pub(super) fn is_sound(&self, state: &CompassState) -> bool {
         let (least, most) = LIMITS;
         let parts = [state.reference, state.met, state.candidate];
@@ -307,7 +305,7 @@ impl Compass {
             && state.due <= COMPARE
             && state.reference[0] >= self.min_horizontal
             && state.met[0] >= self.min_horizontal
-            // There is none yet, or it may become the reference.
+            // No candidate, or a candidate for the reference.
             && (state.candidate == [0; 2] || state.candidate[0] >= self.min_horizontal)
             && state.seen.iter().chain(parts.as_flattened()).all(|part| (-MOST..=MOST).contains(part))
             && (0..=3 << 29).contains(&state.tolerance)
@@ -316,7 +314,7 @@ impl Compass {
     }
 }
 
-/// Sum of the sizes of the components: at least the length, at most 1.73 times that.
+/// Sum of the sizes of the components: 1 to 1.73 times the length.
 #[inline(never)]
 pub(super) fn size(v: &[i16; 3]) -> u32 {
     v.iter().map(|c| u32::from(c.unsigned_abs())).sum()

@@ -3,7 +3,7 @@
 //! # The error
 //! With the rows `n`, `e`, `d` of the rotation matrix (Q15) and the specific force `a` (counts),
 //! which is `-g d` at rest, the tilt error times `g` is `d x a` in the body frame, and
-//! `(-e a, n a)` about north and east in the earth frame. Both are Q15 counts, at most
+//! `(-e a, n a)` about north and east in the earth frame. Both errors are Q15 counts, at most
 //! `2^15 * 2^15 sqrt(3) < 2^31`.
 //!
 //! # The gain
@@ -21,25 +21,23 @@
 //! The same with the direction `u` of `a`, which has 2^14 counts for `per_g` ([`direction`]).
 //!
 //! # Madgwick
-//! The error is that of the whole attitude: with the sine `h` of the heading error its length is
-//! `m = |(d x u, h)|`, as the two parts are at right angles. The step has a length of its own and
-//! the direction of the error, `c = beta dt (d x u, h) / m`, but is never longer than the error.
-//! For `m` the parts are Q15, its square is below `2^31`. While the gains are those of a running
-//! mean the longer one of that step and this is taken.
+//! The error is the whole attitude's: with the sine `h` of the heading error its length is
+//! `m = |(d x u, h)|`, because the two parts are at right angles. The step has the direction of the
+//! error and a length of its own, `c = beta dt (d x u, h) / m`, at most the error's. For `m` the
+//! parts are Q15, and its square is below `2^31`. During a running mean, the longer of both steps
+//! counts.
 //!
 //! # VQF
-//! The error is smoothed where gravity stands still, in the earth frame: `z' = (error - z) / T`,
-//! `c = k z`. Nothing of it may be lost, as the corrections of a slow filter are smaller than the
-//! last bits:
+//! The error is smoothed in the earth frame, where gravity stands still: `z' = (error - z) / T`,
+//! `c = k z`. The corrections of a slow filter are smaller than the last bits, so remainders are
+//! kept:
 //!
 //! - `z` is Q8 (25 bits with sign). The difference is cut to Q1, rounded, and multiplied by the
-//!   share `period / T` in Q16, at most `2^13`: Q17, of which 9 bits are kept for the next sample
-//!   and the others added to `z`.
-//! - The correction about north and east is added up in Q31. Its upper bits, Q18, are taken into
-//!   the body frame with rows in Q15; that is Q33, cut by two bits. The lower 13 bits are kept for
-//!   the next step.
-//! - While the gains are those of a running mean, that is smooth enough: the error is taken as it
-//!   is, and `z` stays 0.
+//!   share `period / T` in Q16, at most `2^13`. Of the product in Q17, 9 bits are kept for the next
+//!   sample, and the others are added to `z`.
+//! - The correction about north and east is added up in Q31. Rows in Q15 take its upper bits, Q18,
+//!   into the body frame: Q33, cut by two bits. The lower 13 bits are kept for the next step.
+//! - A running mean is smooth enough: meanwhile the error is not smoothed, and `z` stays 0.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -55,7 +53,7 @@ use crate::vqf::VqfGains;
 /// What [`direction`] makes of any specific force, counts.
 const UNIT: f32 = 16_384.0;
 
-/// Least specific force that shows a vertical, parts of gravity: less is free fall.
+/// Least specific force that shows a vertical, as a fraction of gravity: less is free fall.
 const MIN_ACC: f32 = 0.05;
 
 /// Largest correction of the heading, half an angle: an eighth of a radian in Q16.
@@ -69,8 +67,7 @@ const MAX_HEADING_TURN: i32 = 7 << 13;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Gain {
-    /// What the tilt error, cut by 11 bits, is multiplied by; for the heading below `2^13`, Q(15 +
-    /// `shift`).
+    /// Factor of the tilt error, cut by 11 bits; for the heading below `2^13`, Q(15 + `shift`).
     pub(super) factor: i32,
     /// Right shift of the product.
     pub(super) shift: u32,
@@ -84,14 +81,13 @@ impl Gain {
 }
 
 /// A filter in fixed point: [`Vqf`], [`Mahony`], [`Madgwick`], [`Complementary`], or
-/// [`AnyFilter`](super::AnyFilter). What makes a correction of accelerometer and magnetometer.
+/// [`AnyFilter`](super::AnyFilter). It makes a correction from accelerometer and magnetometer.
 pub trait Filter: sealed::Sealed + Sized {
     /// Its gains, the same as of the float filter.
     type Gains: Copy;
 
-    /// The coefficients for a sampling period and an accelerometer that has `per_g` counts at
-    /// standard gravity. A gain out of range, or one that does not exist in fixed point, is refused
-    /// by name.
+    /// The coefficients for a sampling period and an accelerometer with `per_g` counts at standard
+    /// gravity. An error names a gain that is out of range or does not exist in fixed point.
     #[doc(hidden)]
     fn new(gains: &Self::Gains, period_s: f32, per_g: f32) -> Made<Self>;
 
@@ -109,13 +105,13 @@ pub(super) type Made<F> = Result<(F, Pace), ConfigError>;
 
 /// How fast a filter follows.
 pub struct Pace {
-    /// Rates of tilt and heading, 1/s: a running mean is over when it is as slow.
+    /// Rates of tilt and heading, 1/s: a running mean ends when it is as slow.
     pub(super) per_s: (f32, f32),
-    /// What the tilt gain is for: the counts that a tilt error of a right angle has.
+    /// Counts of a tilt error of a right angle, for the tilt gain.
     pub(super) counts: f32,
 }
 
-/// What a filter remembers: the same words for all, of which the VQF class alone needs any.
+/// A filter's memory: the same words for all filters, though only the VQF class needs any.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FilterState {
@@ -123,12 +119,12 @@ pub struct FilterState {
     smooth: [Q8; 2],
     /// Remainder of the smoothing, Q17 counts, below a bit of `smooth`.
     remainder: [i32; 2],
-    /// Half angle about north and east that is still to be applied.
+    /// Half angle about north and east still to be applied.
     carry: [Q31; 2],
 }
 
-/// Largest smoothed acceleration, counts: what 16 bits along three axes make, with a norm that is
-/// off by a hundredth.
+/// Largest smoothed acceleration, counts: 16 bits along three axes, with a norm that is off by a
+/// hundredth.
 const MOST_SMOOTH: Q8 = 14_700_000;
 
 /// Bits of `remainder` and of `carry`.
@@ -136,7 +132,7 @@ const REMAINDER: i32 = 0x1ff;
 const CARRY: i32 = 0x1fff;
 
 impl FilterState {
-    /// Whether the numbers are ones that an update can have left.
+    /// Whether an update can have left these numbers.
     pub(super) fn is_sound(&self) -> bool {
         are_within(&self.smooth, MOST_SMOOTH)
             && self.remainder.iter().all(|left| left & !REMAINDER == 0)
@@ -157,7 +153,7 @@ pub struct Correction {
 pub(super) struct Heading {
     /// Sine of the error, times the field's weight.
     pub(super) sine: Q15,
-    /// Samples that it stands for, those since the last field.
+    /// Samples since the last field, for which the field stands.
     pub(super) samples: i32,
 }
 
@@ -182,7 +178,7 @@ impl View<'_> {
         cross(self.down, a)
     }
 
-    /// The correction in proportion to a tilt error, and to that of the heading.
+    /// The correction in proportion to the errors of tilt and heading.
     #[inline(always)]
     fn proportional(&self, error: [i32; 3]) -> Correction {
         Correction {
@@ -199,7 +195,7 @@ impl View<'_> {
         self.limited(((sine * self.gains.heading.factor) >> 15) * samples)
     }
 
-    /// A correction of the heading, as far as it goes.
+    /// A correction of the heading, limited.
     #[inline(always)]
     fn limited(&self, heading: i32) -> i32 {
         let max = (EIGHTH << (self.gains.heading.shift & 31)).min(MAX_HEADING_TURN);
@@ -208,7 +204,7 @@ impl View<'_> {
     }
 }
 
-/// The direction of a specific force, as one of 2^14 counts; `None` where it is below a square of
+/// The direction of a specific force, as a vector of 2^14 counts; `None` if its square is below
 /// `least`.
 ///
 /// With `y / 2^(30 - h)` for one over its length, `a y <= 2^15 2^15`.
@@ -274,8 +270,8 @@ impl Filter for Complementary {
     }
 }
 
-/// Madgwick's filter: see [`crate::Madgwick`]. Where the magnetometer is slower than the loop, a
-/// field turns the heading for all samples since the last.
+/// Madgwick's filter: see [`crate::Madgwick`]. A field of a slow magnetometer turns the heading for
+/// all samples since the last field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Madgwick {
     /// Length of a step, half an angle, Q(16 + `shift`) rad.
@@ -284,7 +280,7 @@ pub struct Madgwick {
     shift: u32,
     /// The same, rad.
     step: Q31,
-    /// Square of the error that is a step away, Q30.
+    /// Square of the error that one step corrects, Q30.
     reached: u32,
     /// Square of the least specific force that is used, counts.
     least: u32,
@@ -323,7 +319,7 @@ impl Filter for Madgwick {
         let error = up.map_or([0; 3], |up| view.error(&up));
         let heading = view.heading;
         let (sine, samples) = heading.map_or((0, 0), |seen| (seen.sine, seen.samples));
-        // Beyond a right angle twice the sine; the step is as long.
+        // Beyond a right angle twice the sine; the length of the step stays.
         let sine = sine.clamp(-(1 << 15), 1 << 15);
         let parts = error.map(|error| (error + (1 << 13)) >> 14);
         let [x, y, z] = parts;

@@ -1,14 +1,15 @@
-//! The number formats, and how coefficients are brought into them.
+//! The number formats, and the conversion of coefficients.
 //!
-//! `Qn` is an `i32` that stands for itself divided by `2^n`. The names tell a reader what a number
-//! is; to the compiler all of them are `i32`, and the shifts are written out where they happen,
-//! because most formats last for one expression only. The rules are those of any fixed point:
+//! `Qn` is an `i32` that stands for itself divided by `2^n`. The names are for readers; to the
+//! compiler all are `i32`. The shifts are written out, because most formats last for one expression
+//! only. The rules:
 //!
 //! - A product of Qa and Qb is Q(a + b). `>> n` takes n fractional bits off, and rounds down.
-//! - A product must fit 31 bits and a sign. The core multiplies 32 x 32 -> 32 bits in one cycle; a
-//!   product of 64 bits would be a library call of 78. So factors are cut to 16 bits first.
-//! - A coefficient that spans decades is kept in 13 to 15 significant bits, with the shift that
-//!   brings its product back: see [`normalised`].
+//! - A product must fit 31 bits and a sign, so factors are cut to 16 bits first. The core
+//!   multiplies 32 x 32 -> 32 bits in one cycle; a product of 64 bits would be a library call of
+//!   78.
+//! - A coefficient that spans decades has 13 to 15 significant bits, and a shift for its product:
+//!   see [`normalised`].
 
 /// Fractional bits 4: the horizontal field, counts.
 pub(super) type Q4 = i32;
@@ -42,7 +43,7 @@ pub(super) fn nearest_log2(value: f32) -> u8 {
 }
 
 /// A positive coefficient below `limit` as an integer from `limit / 2` up to `limit`, and the right
-/// shift that its products then need.
+/// shift for its products.
 #[inline(never)]
 pub(super) fn normalised(value: f32, limit: f32) -> (i32, u32) {
     let (mut value, mut shift) = (value, 0);
@@ -56,8 +57,8 @@ pub(super) fn normalised(value: f32, limit: f32) -> (i32, u32) {
 /// One over the root of a number of 1 or more: `y / 2^(30 - h)`, `y` from 2^14 to 2^15 and exact
 /// within 3e-4, `h` from 0 to 15.
 ///
-/// By Newton's step `y += y (1 - x y^2) / 2`, twice, from the straight line that is 9 % off at
-/// most: `x` is Q15 from 1/4 to 1, `y` Q14.
+/// Two of Newton's steps `y += y (1 - x y^2) / 2` from a straight line that is 9 % off at most: `x`
+/// is Q15 from 1/4 to 1, `y` Q14.
 #[inline(always)]
 pub(super) fn inverse_root(value: u32) -> (i32, u32) {
     let h = value.leading_zeros() / 2;

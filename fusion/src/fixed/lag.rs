@@ -1,7 +1,8 @@
 //! Sensors that show an earlier attitude than the gyroscope: see [`crate::Config::mag_lag_s`].
 //!
 //! # The equations
-//! A vector `v` that stands still in the earth frame, seen a lag ago, is now at the rate `w`
+//! A vector `v` that stands still in the earth frame and was seen a lag ago is now, at the rate
+//! `w`,
 //!
 //! ```text
 //! u = lag w                               the turn since, body frame
@@ -12,12 +13,11 @@
 //!
 //! # The number formats
 //! - The lag is Q20 s, at most [`LONGEST_S`], which is below `2^17`.
-//! - What a count turns in `2^17` of that has 13 to 14 bits, so that its product with a lag fits;
-//!   the product's upper bits, a factor below `2^14`, times rates of 17 bits are below `2^31`.
-//! - The turn is Q15 rad, at most an eighth of a radian an axis: faster turns, from 900 deg/s on at
-//!   8 ms, are made good for as far as that. So a vector of 16 bits stays below `2^16` a component,
-//!   its products with a turn below `2^28`, and its length within `1.03 2^15 sqrt(3)`, which leaves
-//!   its products with rows in Q15 below `2^31`.
+//! - A count's turn in `2^17` of these units has 13 to 14 bits, so its product with a lag fits. The
+//!   product's upper bits, a factor below `2^14`, times rates of 17 bits are below `2^31`.
+//! - The turn is Q15 rad, limited to an eighth of a radian an axis: 900 deg/s at 8 ms. So a vector
+//!   of 16 bits stays below `2^16` a component, and its products with a turn below `2^28`. Its
+//!   length is within `1.03 2^15 sqrt(3)`, so its products with rows in Q15 stay below `2^31`.
 
 use super::format::{Q9, Q15, Q30, normalised};
 use super::rotation::{BIAS_BITS, cross};
@@ -25,16 +25,16 @@ use super::rotation::{BIAS_BITS, cross};
 /// Largest turn within a lag, about an axis: an eighth of a radian.
 const MOST: Q15 = 1 << 12;
 
-/// The turn up to which first order is enough, rad: it leaves 6e-4 of the vector.
+/// The turn up to which first order is enough, rad: its error is 6e-4 of the vector.
 const SHORT: Q15 = 655;
 
-/// Base-2 logarithm of the unit that a lag is a part of, in Q20 s.
+/// Base-2 logarithm of the unit of a lag, in Q20 s.
 const UNIT_BITS: u32 = 17;
 
 /// An eighth of a second: longer than any lag.
 const UNIT_S: f32 = 0.125;
 
-/// A lag, as what a count of the gyroscope turns by in it.
+/// A lag, as the turn of a gyroscope's count in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Lag {
     /// Q(15 + `shift`) rad, below `2^14`.
@@ -68,7 +68,7 @@ impl Lag {
         })
     }
 
-    /// The vector that was seen as `v` a lag ago, now, at these rates.
+    /// The present value of a vector that was `v` a lag ago, at these rates.
     #[inline(never)]
     pub(super) fn now(self, v: &[i32; 3], rates: &[i32; 3]) -> [i32; 3] {
         let turn = self.turn(rates);

@@ -1,4 +1,4 @@
-//! The estimate, for whoever wants it: as numbers, as a float quaternion, as angles.
+//! The estimate as numbers, as a float quaternion and as angles.
 
 use crate::quaternion::Quaternion;
 
@@ -10,9 +10,9 @@ pub struct Orientation {
     pub wxyz_q30: [i32; 4],
 }
 
-/// Roll, pitch and yaw as binary angles: 2^31 is half a turn, so that sums wrap by themselves. The
-/// sequence is yaw, pitch, roll; at a pitch of +-90 deg roll and yaw turn about the same axis and
-/// only their difference or sum means something.
+/// Roll, pitch and yaw as binary angles: 2^31 is half a turn, so sums wrap by themselves. The
+/// sequence is yaw, pitch, roll. At a pitch of +-90 deg, roll and yaw turn about the same axis, and
+/// only their difference or sum is defined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Angles {
@@ -67,8 +67,8 @@ impl Orientation {
         q
     }
 
-    /// The same in float, its norm 1 within 1e-5: a few hundred cycles without floating point,
-    /// where [`Orientation::quaternion`] takes two thousand.
+    /// The quaternion in float, its norm 1 within 1e-5, in a few hundred cycles without an FPU.
+    /// [`Orientation::quaternion`] takes two thousand.
     pub fn parts(&self) -> Quaternion {
         const EXPONENT: u32 = 30 << (f32::MANTISSA_DIGITS - 1);
         let [w, x, y, z] = self.wxyz_q30.map(|part| match part {
@@ -91,22 +91,22 @@ impl Orientation {
         Angles { roll, pitch, yaw }
     }
 
-    /// The pitch of [`Orientation::angles`] alone, as exact: one rotation and a half.
+    /// The pitch of [`Orientation::angles`], equally exact, in one rotation and a half.
     pub fn pitch(&self) -> i32 {
         let [down_x, down_y, down_z] = self.half_down_q29();
-        // A length is known long before its angle: what is left of y changes it by its square.
+        // The length converges long before the angle: the rest of y changes it by its square.
         let (first_arcs, _) = ARCS.split_at(LENGTH_ARCS);
         let (_, level) = polar(down_z, down_y, first_arcs);
         let (pitch, _) = polar(level, -lengthened(down_x), &ARCS);
         pitch
     }
 
-    /// The tilt of the body's vertical against the earth's (the reduced attitude), as the vector
-    /// that turns the one into the other the shortest way: its parts about the body's y and x, rad,
-    /// Q28, within 1.5e-4 up to a right angle, and that over the sine beyond. Its length is the
-    /// angle between the verticals, 0 to pi; heading and rotation about the body's own vertical do
-    /// not matter. Without roll the first is the pitch, without pitch the second the roll. Upside
-    /// down every direction is as short, and one is taken.
+    /// The tilt of the body's vertical against the earth's (the reduced attitude), as the shortest
+    /// rotation vector between them: its parts about the body's y and x, rad, Q28. They are within
+    /// 1.5e-4 up to a right angle, and within 1.5e-4 over the sine beyond. The vector's length is
+    /// the angle between the verticals, 0 to pi. Heading and rotation about the body's own vertical
+    /// do not matter. Without roll the first part is the pitch, without pitch the second is the
+    /// roll. Upside down every direction is equally short; the result has one of them.
     pub fn tilt_q28(&self) -> [i32; 2] {
         /// Angle over sine by the cosine, from 0 to 1, as a polynomial, highest power first, Q15:
         /// within 3e-5 (interpolation at Chebyshev's nodes).
@@ -124,20 +124,19 @@ impl Orientation {
         [part(-down_x), part(down_y)]
     }
 
-    /// The same beyond a right angle, where sine and angle do not go together: three CORDIC
-    /// rotations.
+    /// The tilt beyond a right angle, by three CORDIC rotations.
     #[inline(never)]
     fn tilt_beyond(down_x: i32, down_y: i32, down_z: i32) -> [i32; 2] {
         const PI_Q14: i32 = 51_472;
         let (direction, across) = polar(-down_x, down_y, &ARCS);
         let (angle, _) = polar(lengthened(down_z), across, &ARCS);
-        // Half a turn is 2^31, and 2^15 without its last bits, rounded.
+        // Half a turn is 2^31, or 2^15 without its last bits, rounded.
         let angle_q14 = ((((angle >> 1) + (1 << 14)) >> 15) * PI_Q14) >> 15;
         let (sin, cos) = Angles::sin_cos_q30(direction);
         [cos, sin].map(|part| ((part + (1 << 15)) >> 16) * angle_q14)
     }
 
-    /// Down in the body's axes, halved, Q29: CORDIC makes it 1.65 times as long.
+    /// Half of down in the body's axes, Q29: CORDIC makes it 1.65 times as long.
     #[inline(never)]
     fn half_down_q29(&self) -> [i32; 3] {
         let [w, x, y, z] = self.wxyz_q15();
@@ -150,14 +149,14 @@ impl Orientation {
 
     /// Cosine of the angle between the body's and the earth's vertical, Q30, within 1e-4.
     pub fn cos_tilt_q30(&self) -> i32 {
-        // Numbers that are no rotation may wrap; [`Orientation::is_rotation`] tells them.
+        // The numbers may wrap unless [`Orientation::is_rotation`].
         let [ww, xx, yy, zz] = self.wxyz_q15().map(|part| part.wrapping_mul(part));
         ww.wrapping_sub(xx).wrapping_sub(yy).wrapping_add(zz)
     }
 
-    /// Whether the norm, squared, is 1 within a hundredth, as that of every rotation is.
+    /// Whether the squared norm is 1 within a hundredth, as for every rotation.
     pub fn is_rotation(&self) -> bool {
-        // A part of 2 in Q15 has a square that overflows; one beyond this belongs to no rotation.
+        // The square of a part of 2 in Q15 overflows. No rotation has a part beyond this limit.
         const LARGEST: i32 = 33_100;
         const ONE: i32 = 1 << 28;
         let parts = self.wxyz_q15();

@@ -1,16 +1,16 @@
-//! How far an estimate may be off: the equations of [`crate::Quality`], once a block.
+//! Standard deviations of an estimate: the equations of [`crate::Quality`], once a block.
 //!
 //! # The number formats
-//! | number | format | bound, and what sets it |
+//! | number | format | bound and its reason |
 //! |---|---|---|
-//! | variances of tilt and heading | Q28 rad^2 | pi^2 / 3, that of an angle nobody knows, is below 8 |
-//! | drifts of both | Q28 rad | the same |
-//! | variance of the offset | Q40 (rad/s)^2 | `0.02^2`, that of an unknown one, is below `2^-9` |
-//! | square of the rate | Q16 (rad/s)^2 | 100: a faster turn counts as one of that |
+//! | variances of tilt and heading | Q28 rad^2 | pi^2 / 3, of an unknown angle, is below 8 |
+//! | drifts of both | Q28 rad | below 8 |
+//! | variance of the offset | Q40 (rad/s)^2 | `0.02^2`, of an unknown offset, is below `2^-9` |
+//! | square of the rate | Q16 (rad/s)^2 | 100, for faster turns too |
 //! | shares of a block | Q15 | 1 |
 //!
-//! A variance or drift times a share is taken in two parts of 15 bits, so that nothing of a small
-//! one is lost.
+//! A variance or drift is multiplied by a share in two parts of 15 bits, so that small values are
+//! exact.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -39,22 +39,23 @@ const fn q20(value: f32) -> i32 {
     (value * 1_048_576.0) as i32
 }
 
-/// Largest deviation of an offset that is counted, Q20 rad/s: its square has room.
+/// Largest deviation of an offset, Q20 rad/s: its square fits.
 const MOST_DEVIATION: i32 = 40_000;
 
-/// Most of a variance that a block takes away: a running mean's first gains would take more.
+/// Largest share of a variance that a block removes: a running mean's first gains would remove
+/// more.
 const MOST: Q15 = 30_000;
 
 /// Largest drift and walk of a block, Q28.
 const MOST_GROWTH: Q28 = 1 << 24;
 
-/// What a gap in the samples adds to the variances, rad^2.
+/// Variance that a gap in the samples adds, rad^2.
 const GAP: f32 = 0.25;
 
-/// What a filter's own gain does to the uncertainty of an angle in a block.
+/// Effect of a filter's own gain on the uncertainty of an angle in a block.
 #[derive(Clone, Debug, PartialEq)]
 struct Pull {
-    /// What it takes of the variance, and of the drift.
+    /// Shares of the variance and of the drift that it removes.
     variance: Q15,
     drift: Q15,
     /// Its noise, rad^2.
@@ -83,7 +84,7 @@ struct Angle {
 
 impl Angle {
     /// A block with this walk and this drift. The gain is the filter's own times `2^gain_log2`;
-    /// `None` where nothing shows the angle.
+    /// `None` if nothing shows the angle.
     #[inline(never)]
     fn pass(&mut self, walk: Q28, drift: Q28, pull: &Pull, gain_log2: Option<i32>) {
         let mut grown = walk;
@@ -98,7 +99,7 @@ impl Angle {
         self.drift = (self.drift + drift).min(q28(UNKNOWN));
     }
 
-    /// Standard deviation, rad, with the variance of what stands still.
+    /// Standard deviation, rad, with the variance of the constant errors.
     #[inline(never)]
     fn deviation_rad(&self, steady: f32) -> f32 {
         root(self.variance_q28(steady)) as f32 / 16_384.0
@@ -117,8 +118,8 @@ impl Angle {
     }
 }
 
-/// The root of a number, rounded down, bit by bit: a sixth of the code of the library's, whose
-/// speed is not needed once a block.
+/// The root of a number, rounded down, bit by bit: a sixth of the library's code, and fast enough
+/// for once a block.
 #[inline(never)]
 fn root(square: u32) -> u32 {
     let (mut root, mut left) = (0, square);
@@ -138,8 +139,8 @@ fn part(value: i32, share: Q15) -> i32 {
     (value >> 15) * share + (((value & 0x7fff) * share) >> 15)
 }
 
-/// The jobs of a block, in their order: a step has time for one. Each is the number of those that
-/// are to come with it.
+/// The jobs of a block, in their order; a step has time for one. A job's value is the number of
+/// jobs still to come, itself included.
 pub(super) mod job {
     pub(in super::super) const CLOSE: u32 = 4;
     pub(in super::super) const TURN: u32 = 3;
@@ -147,7 +148,7 @@ pub(super) mod job {
     pub(in super::super) const HEADING: u32 = 1;
 }
 
-/// Steps after which the jobs of a block no longer wait for one without a field.
+/// Steps for which the jobs of a block wait for a step without a field.
 const LONGEST_WAIT: u32 = 8;
 
 /// The jobs of a block that are to come.
@@ -156,7 +157,7 @@ const LONGEST_WAIT: u32 = 8;
 pub(super) struct Due {
     /// Their number.
     jobs: u32,
-    /// Steps with a field for which they have waited.
+    /// Steps with a field for which the jobs have waited.
     waited: u32,
 }
 
@@ -166,8 +167,8 @@ impl Due {
         (self.jobs, self.waited) = (job::CLOSE, 0);
     }
 
-    /// Whether this step is for a job: one without a field, which has no heading to correct, or
-    /// else some steps later.
+    /// Whether this step is for a job: it has no field, so no heading to correct, or the job has
+    /// waited for long enough.
     #[inline(always)]
     pub(super) fn is_now(&mut self, has_field: bool) -> bool {
         if self.jobs == 0 {
@@ -180,7 +181,7 @@ impl Due {
         true
     }
 
-    /// The next job, which is done with that; 0 where there is none.
+    /// Takes the next job; 0 if there is none.
     pub(super) fn next_job(&mut self) -> u32 {
         let job = self.jobs;
         self.jobs = job.saturating_sub(1);
@@ -193,12 +194,12 @@ impl Due {
     }
 }
 
-/// How the uncertainties grow and are pulled back in a block.
+/// Growth and decay of the uncertainties in a block.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Uncertainty {
     tilt: Pull,
     heading: Pull,
-    /// What a count turns by, Q(8 + `shift`) rad/s.
+    /// Rate of a count, Q(8 + `shift`) rad/s.
     per_count: i32,
     shift: u32,
     /// Walk at rest, and by the square of the rate.
@@ -247,8 +248,8 @@ impl Uncertainty {
         }
     }
 
-    /// [`job::CLOSE`]: whether the block was one of a rest that the offset is known from, and
-    /// whether an undisturbed field was seen in it.
+    /// [`job::CLOSE`]: whether the block belonged to a rest that shows the offset, and whether it
+    /// had an undisturbed field.
     pub(super) fn close(&self, state: &mut UncertaintyState, at_rest: bool, good_field: bool) {
         state.field_age = if good_field {
             0
@@ -259,7 +260,7 @@ impl Uncertainty {
             (state.bias, state.deviation) = (q40(BIAS_AT_REST * BIAS_AT_REST), q20(BIAS_AT_REST));
         } else if state.deviation < MOST_DEVIATION {
             state.bias += self.bias_walk;
-            // Its root grows by less than a bit in a block: there is none to be taken.
+            // Its root grows by less than a bit in a block, so none is computed.
             let next = state.deviation + 1;
             if next * next <= state.bias {
                 state.deviation = next;
@@ -281,7 +282,7 @@ impl Uncertainty {
         state.walk = self.still + (((square.min(100 << 16) >> 8) * self.scale) >> 8);
     }
 
-    /// [`job::TILT`]: by how much the gain of the tilt is raised, as a power of two.
+    /// [`job::TILT`]: the raise of the tilt's gain, as a power of two.
     pub(super) fn pass_tilt(&self, state: &mut UncertaintyState, gain_log2: i32) {
         let (walk, drift) = (state.walk, state.drift);
         state.tilt.pass(walk, drift, &self.tilt, Some(gain_log2));
@@ -338,7 +339,7 @@ impl UncertaintyState {
         }
     }
 
-    /// The offset is as known as it was before.
+    /// The offset keeps its deviation.
     pub(super) fn keep_bias(&mut self, before: &Self) {
         (self.bias, self.deviation) = (before.bias, before.deviation);
     }

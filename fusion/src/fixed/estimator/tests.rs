@@ -1,14 +1,14 @@
 use super::*;
 use crate::fixed::Vqf;
 
-/// Tilt of a level body that the estimate has, rad.
+/// Estimated tilt of a level body, rad.
 fn tilt<F: Filter>(estimator: &Estimator<F>, state: &State) -> f32 {
     let down = estimator.orientation(state).quaternion().half_down();
     2.0 * (down[0] * down[0] + down[1] * down[1]).sqrt()
 }
 
-/// A turn of 1.5 deg/s for a third of a second, wherever it falls, is no first offset: it
-/// counts for a part of it at most.
+/// A turn of 1.5 deg/s for a third of a second, at any time, makes at most a part of the first
+/// offset.
 #[test]
 fn the_first_offset_is_not_that_of_a_single_block() {
     for turning in (0..480).step_by(8) {
@@ -36,9 +36,9 @@ fn the_first_offset_is_not_that_of_a_single_block() {
     }
 }
 
-/// For ten seconds of free flight the rates alone count, less the offset that was learned: a
-/// thrust that shows another vertical and a field that turns leave the attitude where it is,
-/// and a quarter of a turn about x is one. At rest again, it is levelled by gravity.
+/// For ten seconds of free flight only the rates count, less the learned offset. A thrust with
+/// another vertical and a turning field do not move the attitude, and a quarter of a turn about x
+/// turns it by as much. At rest again, gravity levels the estimate.
 #[test]
 fn a_body_in_free_flight_is_turned_by_its_rates_alone() {
     let config = Config::default().without_lags();
@@ -88,8 +88,8 @@ fn a_body_in_free_flight_is_turned_by_its_rates_alone() {
     );
 }
 
-/// A body at rest whose gyroscope reads 3 deg/s about its level axes: until the offset is known
-/// the estimate turns with it, afterwards it is level within a second and keeps the offset.
+/// A body at rest whose gyroscope reads 3 deg/s about its level axes. The estimate turns until the
+/// offset is known. Then it is level within a second and keeps the offset.
 #[test]
 fn levelling_undoes_what_an_unknown_offset_has_turned() {
     let estimator =
