@@ -296,8 +296,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     }
 
     /// Take one sample, `dt_us` microseconds after the sample before; with 0, nothing turns. A gap
-    /// begins at 30,000, or at 2.5 to 10 periods, depending on period and scale. Only that much of
-    /// a gap is integrated, and the gains are a running mean's again.
+    /// begins at 30,000 us, or at 2.5 to 10 periods, depending on period and scale. Only that much
+    /// of a gap is integrated, and the gains are a running mean's again.
     #[inline]
     pub fn update(&self, state: &mut State, dt_us: u32, counts: &Counts) {
         let gyr = counts.gyr;

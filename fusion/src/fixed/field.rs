@@ -219,7 +219,7 @@ impl Compass {
         -((((across * state.inverse) >> 12) * state.weight) >> 3)
     }
 
-    /// Does the next of two steps of the kept field's judgement.
+    /// Does the next of the two steps that judge the kept field.
     #[inline(never)]
     pub(super) fn judge(&self, state: &mut CompassState, gyr: &[i16; 3]) {
         state.due -= 1;

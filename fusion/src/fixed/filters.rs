@@ -24,8 +24,8 @@
 //! The error is the whole attitude's: with the sine `h` of the heading error its length is
 //! `m = |(d x u, h)|`, because the two parts are at right angles. The step has the direction of the
 //! error and a length of its own, `c = beta dt (d x u, h) / m`, at most the error's. For `m` the
-//! parts are Q15, and its square is below `2^31`. During a running mean, the longer of both steps
-//! counts.
+//! parts are Q15, and its square is below `2^31`. During a running mean, the longer of this step
+//! and the mean's counts.
 //!
 //! # VQF
 //! The error is smoothed in the earth frame, where gravity stands still: `z' = (error - z) / T`,

@@ -188,7 +188,7 @@ impl Due {
         job
     }
 
-    /// Whether the numbers are ones that an update can have left.
+    /// Whether an update can have left these numbers.
     pub(super) fn is_sound(&self) -> bool {
         self.jobs <= job::CLOSE && self.waited <= LONGEST_WAIT
     }
@@ -362,7 +362,7 @@ impl UncertaintyState {
         self.tilt.variance_q28(TILT) <= variance.unsigned_abs()
     }
 
-    /// Whether the numbers are ones that an update can have left.
+    /// Whether an update can have left these numbers.
     pub(super) fn is_sound(&self) -> bool {
         let angles = [self.tilt, self.heading];
         let mut parts = angles

@@ -1,25 +1,25 @@
 //! Rest and gyroscope offset in counts: see [`crate::RestConfig`].
 //!
 //! # The method
-//! The gyroscope's three axes and the accelerometer's are summed over blocks of about a quarter of
-//! a second. A block whose means are near those of the reference block is still; enough of them in
-//! a row are rest. The mean of each still block, but the newest, moves the offset: the k-th by 1/k
-//! of the difference, with k rounded up to a power of two, until that is the memory. The first
-//! offset is made of the last blocks that show the rest, up to four, so that a slow motion in one
-//! has little weight; it is used once they do, from that moment on. Of a later rest those blocks
-//! are not learned: a body that was laid down comes to rest slowly.
+//! The axes of gyroscope and accelerometer are summed over blocks of about a quarter of a second. A
+//! block whose means are near the reference block's is still; enough still blocks in a row are
+//! rest. The mean of each still block, except the newest, moves the offset: the k-th by 1/k of the
+//! difference. `k` is rounded up to a power of two and bounded by the memory. The first offset
+//! comes from the last blocks that show the rest, up to four, so that a slow motion in one block
+//! has little weight. It counts from the moment of the rest on. In a later rest, the offset does
+//! not learn from those blocks: a body that is laid down comes to rest slowly.
 //!
 //! # The work
-//! A block has `2^shift` samples, so that its means are shifts. Its work is spread over the first
-//! samples of the next, so that none pays for more than one job: see [`START_UP`].
+//! A block has `2^shift` samples, so its means are shifts. The first samples of the next block
+//! share its work, one job each: see [`START_UP`].
 //!
 //! # The formats
-//! - Sums: at most `2^12` samples of `2^15` counts. The mean in Q9 needs 9 bits more than 32 have
-//!   where a rate is far from zero; it wraps then, and is not used, as such a mean is a motion.
-//! - The offset is learned in Q16, where the smallest share, `2^-7`, of a bit of Q9 is not lost,
-//!   and rounded to Q9 for the integration.
-//! - The integration multiplies the offset in Q9 by a half angle per count below `2^15`, and below
-//!   what leaves room for the largest offset.
+//! - Sums: at most `2^12` samples of `2^15` counts. The mean in Q9 of a rate far from zero needs
+//!   more than 32 bits and wraps. Such a mean is a motion and is not used.
+//! - The offset is learned in Q16, which keeps the smallest share, `2^-7`, of a bit of Q9. The
+//!   integration takes it rounded to Q9.
+//! - The integration multiplies the offset in Q9 by a half angle per count below `2^15`, and small
+//!   enough for the largest offset.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -30,18 +30,17 @@ use crate::error::{ConfigError, in_range};
 use crate::quality::BiasState;
 use crate::rest::{BLOCK_S, RestConfig};
 
-/// Bits that the offset has beyond `BIAS_BITS` while it is learned, and the longest memory: `2^7`
-/// blocks.
+/// Bits of a learned offset beyond `BIAS_BITS`, and the longest memory: `2^7` blocks.
 const FINER_BITS: u32 = 7;
 
 /// Most samples of a block, as a power of two.
 const MOST_LOG2: u8 = 12;
 
-/// The job of a block's sample that updates the start-up gains, which is the estimator's. Samples 0
-/// to 5 close one axis each, and 6 decides on rest.
+/// The job that updates the start-up gains, which is the estimator's. Samples 0 to 5 of a block
+/// close one axis each, and sample 6 decides on rest.
 pub(super) const START_UP: u32 = 7;
 
-/// Neither one of these jobs nor one of the compass.
+/// No job of the rest detection or of the compass.
 pub(super) const NO_JOB: u32 = u32::MAX;
 
 /// The rest detection: limits in counts, times in blocks.
@@ -52,41 +51,41 @@ pub(super) struct Rest {
     mask: u32,
     /// Right shift from an axis' sum over a block to its mean.
     shift: u32,
-    /// Largest deviation of a block's mean rate from the reference, counts; a quarter of it counts
-    /// once an offset is known.
+    /// Largest deviation of a block's mean rate from the reference, counts; a quarter of it for a
+    /// known offset.
     rate_limit: i32,
-    /// The same of the acceleration.
+    /// Largest deviation of a block's mean acceleration from the reference, counts.
     acc_limit: i32,
     /// Mean rates beyond this are motion, counts.
     pub(super) max_bias: i32,
     /// Still blocks in a row that make a rest, at least two.
     needed: u32,
-    /// How many of the last of them the first offset is made of.
+    /// Number of last still blocks that make the first offset.
     early: u32,
     /// Largest `learned`.
     most_learned: u32,
 }
 
-/// What the rest detection remembers. First the sums of the block under way, which every sample
-/// touches.
+/// Memory of the rest detection. The sums of the block under way, which every sample touches, come
+/// first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct RestState {
     /// The block under way is not still: 1, else 0.
     moved: u32,
-    /// Its rate is beyond what an offset can be: 1, else 0.
+    /// Its rate is too large for an offset: 1, else 0.
     is_fast: u32,
     /// Number of the newest sample, modulo 2^32.
     tick: u32,
     /// Sums of the gyroscope's axes and the accelerometer's, counts.
     sums: [i32; 6],
-    /// Still blocks in a row that would be a rest but for their rate, up to `needed`.
+    /// Still blocks in a row whose rate is too large for an offset, up to `needed`.
     refused: u32,
-    /// How many of the blocks that are needed are still to come.
+    /// Still blocks still missing for a rest.
     missing: u32,
-    /// The offset learns from the last blocks that show a rest, so many: 0 once it is known.
+    /// Number of last blocks of a rest that teach the offset; 0 for a known offset.
     early: u32,
-    /// Blocks that the offset stands on.
+    /// Blocks in the offset's mean.
     blocks: u32,
     /// The share of the next block in the offset, as a negative power of two.
     learned: u32,
@@ -97,12 +96,12 @@ pub(super) struct RestState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 struct Axis {
-    /// Mean over the block that the others are compared with, counts.
+    /// Mean over the reference block, counts.
     reference: i32,
-    /// Mean over the newest block, counts. The offset learns from it when the next block is still
+    /// Mean over the newest block, counts. The offset learns from it if the next block is still
     /// too: a motion may have begun in it.
     newest: Q9,
-    /// Offset of the axis, counts; no more than a part of one before the first rest.
+    /// Offset of the axis, counts; below 1 before the first rest.
     offset: Q16,
 }
 
@@ -141,7 +140,7 @@ impl Rest {
             acc_limit: (config.acc_m_s2 / scale.acc_m_s2) as i32,
             max_bias: (config.max_bias_rad_s / scale.gyr_rad_s) as i32,
             needed: needed.into(),
-            // The first of them follows a motion.
+            // The first still block follows a motion.
             early: (needed - 1).min(3).into(),
             most_learned: nearest_log2(blocks(config.tau_s)).min(7).into(),
         })
@@ -221,7 +220,7 @@ impl Rest {
         }
     }
 
-    /// The block was still or not: what that makes of the rest, and of the share of the next block.
+    /// Renews the rest and the share of the next block after a block that was `still` or not.
     fn decide(&self, state: &mut RestState, bias: &mut [Q9; 3]) {
         let learns = state.missing <= state.early;
         let (moved, is_fast) = (state.moved != 0, state.is_fast != 0);
@@ -257,10 +256,10 @@ impl Rest {
         (state.moved, state.is_fast) = (0, 0);
     }
 
-    /// Whether the numbers are ones that an update can have left.
+    /// Whether an update can have left these numbers.
     pub(super) fn is_sound(&self, state: &RestState) -> bool {
         let references = state.axes.map(|axis| axis.reference);
-        // Means that the offset learns from, or will when the block under way was still.
+        // Means that teach the offset, now or if the block under way is still.
         let learns = state.missing <= state.early + 1 && state.moved | state.is_fast == 0;
         state.refused <= self.needed
             && state.missing <= self.needed
@@ -286,7 +285,7 @@ impl RestState {
         self.missing == 0
     }
 
-    /// A rest that is under way has not been one.
+    /// Discards the rest under way.
     pub(super) fn interrupt(&mut self) {
         self.moved = 1;
     }

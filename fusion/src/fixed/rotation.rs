@@ -1,17 +1,15 @@
 //! The orientation in 32 bits, and its integration.
 //!
-//! The quaternion is kept in Q30 and cut to Q15 wherever it is a factor, so that every product is
-//! of two 16-bit numbers and fits 32 bits: one cycle each, where a 32 x 32 -> 64 multiplication
-//! would be a library call of 78. Nothing is lost by it: rotation increments are Q31, what their
-//! rounding to 2^-16 leaves is carried into the next step, and the rounding of the factors only
-//! scales an increment by 1e-5.
+//! The quaternion is Q30 and is cut to Q15 as a factor, so that every product is of two 16-bit
+//! numbers and fits 32 bits. Such a product takes one cycle; a 32 x 32 -> 64 multiplication would
+//! be a library call of 78. Rotation increments are Q31, and the next step takes the remainder of
+//! their rounding to 2^-16. The rounding of the factors only scales an increment by 1e-5.
 //!
-//! Quaternion and pending rotation carry an offset of half a bit of what they are cut to, so that
-//! cutting rounds.
+//! Quaternion and pending rotation carry half a bit of their cut format, so that cutting rounds.
 //!
 //! # The integration
 //! With `s = |h|^2`, the rotation by half angle `h` is `(1 - s/2 + s^2/24, h (1 - s/6))`. The
-//! factor `1 - s/6` is that of the step before: it changes slowly. In terms of the shortened
+//! factor `1 - s/6` changes slowly and comes from the step before. With the shortened
 //! `h' = h (1 - s/6)` and its `s'`, the first component is `1 - c` with `c = s'/2 + s'^2/8`. So
 //!
 //! ```text
@@ -19,18 +17,17 @@
 //! x = x + (w hx - x c + y hz - z hy)      and so on
 //! ```
 //!
-//! - `h` is Q31, and Q16 where it is a factor. For `s` it is cut to Q14, so that three squares fit
-//!   for components up to 1 rad; they are Q28, and `s` is Q16.
-//! - `s^2` in Q32 must fit 31 bits: `s < 0.707`, `|h| < 0.84 rad`. What makes up `h` has been given
-//!   its part of that: the rates a quarter of a radian an axis, 0.43 in all (`Scale::GYR_RAD_S`,
-//!   `PERIOD_US`); tilt and heading, at right angles, 0.25 and 0.125; recovery a sixteenth an axis,
-//!   0.11.
+//! - `h` is Q31, and Q16 as a factor. For `s` it is cut to Q14, so that three squares, Q28, fit for
+//!   components up to 1 rad; `s` is Q16.
+//! - `s^2` in Q32 must fit 31 bits: `s < 0.707`, `|h| < 0.84 rad`. The parts of `h` share that. The
+//!   rates have a quarter of a radian an axis, 0.43 in all (`Scale::GYR_RAD_S`, `PERIOD_US`). Tilt
+//!   and heading, at right angles, have 0.25 and 0.125. Recovery has a sixteenth an axis, 0.11.
 //! - The products with the quaternion are Q15 times Q16. Their sums fit because `|q| = 1` and
 //!   `c^2 + |h|^2 < 1`.
 //!
 //! # The norm
-//! `|q|^2 - 1 = e` means that the length is off by `e / 2`. A quarter of `e` is added to `c`, which
-//! takes half of it away with every step.
+//! With `|q|^2 - 1 = e`, the length is off by `e / 2`. A quarter of `e` is added to `c`, which
+//! halves the error with every step.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -43,23 +40,22 @@ const HALF: i32 = 1 << 14;
 /// One.
 const ONE: Q30 = 1 << 30;
 
-/// Largest half rotation vector that may be pending, rad in Q15: what tilt, heading and recovery
-/// have been given.
+/// Largest pending half rotation vector, rad in Q15: the parts of tilt, heading and recovery.
 const MOST_PENDING: i32 = 13_107;
 
-/// Squared norm less one beyond which a quaternion is no rotation.
+/// Largest squared norm less one of a rotation.
 const MOST_EXCESS: Q30 = 1 << 24;
 
 /// A sixth of the square of the largest half angle, rad^2.
 const MOST_SIXTH: Q16 = 7_800;
 
-/// A unit quaternion, body to earth, and what it needs to be turned on.
+/// A unit quaternion, body to earth, and the state of its integration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Rotation {
     /// w, x, y, z, plus `HALF`.
     q: [Q30; 4],
-    /// Half rotation vector still to be applied, rad, plus `HALF`: remainders and corrections.
+    /// Pending half rotation vector, rad, plus `HALF`: remainders and corrections.
     pub(super) pending: [Q31; 3],
     /// Offset of the gyroscope, counts.
     pub(super) bias: [Q9; 3],
@@ -69,7 +65,7 @@ pub(super) struct Rotation {
     sixth: Q16,
 }
 
-/// Products of the quaternion's components: what the rotation matrix is made of.
+/// Products of the quaternion's components, for the rotation matrix.
 pub(super) struct Products {
     /// `w w - 1/2`
     base: Q30,
@@ -86,7 +82,7 @@ pub(super) struct Products {
 
 impl Products {
     /// North in the body frame.
-    // Twice the sums, so that 14 bits are cut to come to Q15.
+    // Twice the sums: 14 bits are cut for Q15.
     #[inline(always)]
     pub(super) fn north(&self) -> [Q15; 3] {
         [
@@ -117,7 +113,7 @@ impl Products {
     }
 }
 
-/// How far a count of the gyroscope turns in this step.
+/// Turn of a gyroscope's count in this step.
 #[derive(Clone, Copy)]
 pub(super) struct PerCount {
     /// Half angle, Q(31 + `shift`) rad; below 2^15, and its product with an offset below 2^31.
@@ -140,8 +136,8 @@ impl Rotation {
         }
     }
 
-    /// Turn the level attitude of the start upside down. A body whose accelerometer shows that side
-    /// is then less than half a turn away, from where any attitude is found.
+    /// Turns the level attitude of the start upside down. An upside-down body is then less than
+    /// half a turn away, so that its attitude is found.
     pub(super) fn turn_over(&mut self) {
         self.q.swap(0, 1);
     }
@@ -151,19 +147,19 @@ impl Rotation {
         self.q.map(|c| c - HALF)
     }
 
-    /// Whether the numbers are ones that an update can have left, with offsets up to this, counts.
+    /// Whether an update can have left these numbers, with offsets up to this, counts.
     pub(super) fn is_sound(&self, max_bias: i32) -> bool {
         let wxyz_q30 = self.q.map(|c| c.wrapping_sub(HALF));
         let pending = self.pending.map(|part| (part >> 16).unsigned_abs().pow(2));
         Orientation { wxyz_q30 }.is_rotation()
             && pending.iter().sum::<u32>() <= MOST_PENDING.unsigned_abs().pow(2)
-            // An offset is rounded up to the next count at most.
+            // Rounding adds less than a count to an offset.
             && self.bias.iter().all(|bias| (-max_bias..=max_bias + 1).contains(&(bias >> BIAS_BITS)))
             && (-MOST_EXCESS..=MOST_EXCESS).contains(&self.excess)
             && (0..=MOST_SIXTH).contains(&self.sixth)
     }
 
-    /// Turn by the counts of a step, less the offset, and by what is pending.
+    /// Turns by the counts of a step, less the offset, and by the pending rotation.
     #[inline(never)]
     pub(super) fn turn(&mut self, gyr: &[i16; 3], step: PerCount) {
         let per_count = step.half_angle - ((step.half_angle * self.sixth) >> 16);

@@ -1,4 +1,4 @@
-//! What the sensors are like, and so what an estimator makes good for.
+//! Kinds of sensors: without lag, or with known lags that the estimator corrects.
 
 use super::counts::Scale;
 use super::format::{Q9, Q30};
@@ -10,16 +10,16 @@ use crate::lag::checked;
 /// Specific force and field, counts.
 type Seen = ([i32; 3], Option<[i32; 3]>);
 
-/// What the sensors are like: [`Ideal`] or [`Late`].
+/// A kind of sensors: [`Ideal`] or [`Late`].
 pub trait Sensors: sealed::Sealed + Sized {
     #[doc(hidden)]
     fn new<G>(config: &Config<G>, scale: &Scale) -> Result<Self, ConfigError>;
 
-    /// Keeps the rates less their offset, where they are needed later.
+    /// Keeps the rates less their offset, if they are needed later.
     #[doc(hidden)]
     fn keep_rates(_: &mut [i32; 3], _: &[i16; 3], _: &[Q9; 3]) {}
 
-    /// The specific force and the field that were measured, as they are at the time of the rates.
+    /// The measured specific force and field, moved to the time of the rates.
     #[doc(hidden)]
     fn now(&self, _rates: &[i32; 3], seen: Seen) -> Seen {
         seen
@@ -38,8 +38,7 @@ pub(super) mod sealed {
     impl Sealed for super::Late {}
 }
 
-/// Sensors of one instant: nothing is made good for, which costs nothing. A configuration with a
-/// lag is refused.
+/// Sensors without lag, which cost nothing. A configuration with a lag is refused.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ideal;
 
@@ -53,8 +52,8 @@ impl Sensors for Ideal {
     }
 }
 
-/// Samples that are older than they seem, by lags that are known ([`Config::gyr_lag_s`] and the
-/// others). Accelerometer and magnetometer cost some 100 cycles each.
+/// Samples with known lags ([`Config::gyr_lag_s`] and the others). Accelerometer and magnetometer
+/// cost some 100 cycles each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Late {
     gyr: Lag,

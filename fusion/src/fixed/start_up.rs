@@ -1,26 +1,26 @@
-//! The gains of a running mean, with which an estimate begins, or begins anew.
+//! The gains of a running mean at the start of an estimate.
 //!
 //! # The schedule
-//! The gain of a channel (tilt or heading) is the share of its error that one sample takes away. A
-//! mean over `n` samples has the gain `1 / n`; the filter's own is smaller. Here every gain is the
-//! filter's own times a power of two:
+//! The gain of a channel (tilt or heading) is the share of its error that one sample removes. A
+//! mean over `n` samples has the gain `1 / n`; the filter's own gain is smaller. Here every gain is
+//! the filter's own times a power of two:
 //!
 //! ```text
 //! gain = own gain * 2^max(gain_log2 - subtract, 0)
 //! ```
 //!
-//! `gain_log2` begins where the slower channel has a first gain from 1/8 up to 1/4; `subtract` is
-//! what the other channel, whose own gain is larger, needs less for that, and 0 for the slower one.
-//! At least 64 samples, and at least a block, have the first gain: that turns the estimate from any
-//! attitude to the one that is seen. A mean over `2^6` samples then has the gain `2^-6`, so
-//! `gain_log2` drops by `6 - 2` at once, and after that by 1 whenever the number of samples has
-//! doubled, until it is 0. Time is counted in the blocks of [`Rest`](super::rest::Rest), which have
+//! The first `gain_log2` gives the slower channel a gain from 1/8 up to 1/4. `subtract` is 0 for
+//! the slower channel; for the other, whose own gain is larger, it is the difference to the same
+//! first gain. At least 64 samples, and at least a block, have the first gain, which turns the
+//! estimate from any attitude to the measured attitude. A mean over `2^6` samples then has the gain
+//! `2^-6`. So `gain_log2` drops by `6 - 2` at once, then by 1 for each doubling of the number of
+//! samples, until it is 0. Time is counted in the blocks of [`Rest`](super::rest::Rest), which have
 //! a power of two of samples.
 //!
 //! # The formats
-//! The tilt gain is a factor and a right shift ([`Gain`]): `2^k` times the gain is `k` less in the
-//! shift. The product with the error of any acceleration must fit 31 bits, and what it is shifted
-//! to must stay below a quarter of a radian. With the error `|d x a| <= 2^15 * 2^15 sqrt(3)` (Q15
+//! The tilt gain is a factor and a right shift ([`Gain`]): for `2^k` times the gain, the shift is
+//! `k` less. The product with the error of any acceleration must fit 31 bits, and after the shift
+//! it must stay below a quarter of a radian. With the error `|d x a| <= 2^15 * 2^15 sqrt(3)` (Q15
 //! and counts), cut by 11 bits:
 //!
 //! ```text
@@ -28,13 +28,13 @@
 //! 2^31 / 2^MIN_TILT_SHIFT = 2^29                a quarter of a radian in Q31
 //! ```
 //!
-//! So the shift never falls below 2. What is then still missing to `2^k` multiplies the factor
-//! instead, and the acceleration is limited to 1.9 g (sum of the components' sizes) meanwhile: with
-//! the largest first gain `2^-2 * 2^26 / per_g * 2^MIN_TILT_SHIFT = 2^26 / per_g`, the product is
-//! at most `2^26 * 1.9 * 2^4 < 2^31`.
+//! So the shift never falls below 2. The rest of `2^k` multiplies the factor, and meanwhile the
+//! acceleration is limited to 1.9 g (sum of the components' sizes). With the largest first gain
+//! `2^-2 * 2^26 / per_g * 2^MIN_TILT_SHIFT = 2^26 / per_g`, the product is at most
+//! `2^26 * 1.9 * 2^4 < 2^31`.
 //!
-//! The heading gain is a factor below `2^13` and a shift too; there the limits of the correction
-//! bound the product.
+//! The heading gain is also a factor, below `2^13`, and a shift. The limits of the correction bound
+//! its product.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -48,18 +48,18 @@ const MAX_FACTOR: u16 = 2_300;
 /// Least right shift of a tilt correction: it stays below a quarter of a radian.
 const MIN_TILT_SHIFT: u32 = 2;
 
-/// The first gain is from half of this negative power of two up to it: from 1/8 up to 1/4.
+/// The first gain, as a negative power of two, from half of it up to it: from 1/8 up to 1/4.
 const FIRST_GAIN_LOG2: u8 = 2;
 
-/// Base-2 logarithm of the fewest samples that have it.
+/// Base-2 logarithm of the fewest samples with the first gain.
 const FIRST_SAMPLES_LOG2: u8 = 6;
 
-/// Base-2 logarithm of the gain increase beyond which a filter that normalises accelerations has
-/// them limited, too: not for the room of a product, but so that it begins as the others do.
+/// Base-2 logarithm of the gain increase beyond which accelerations are limited even for a filter
+/// that normalises them: it is to begin as the others do.
 const NORMALISED_ROOM: i32 = 2;
 
 /// Largest sum of the sizes of an acceleration's components, g, while the factor is beyond
-/// [`MAX_FACTOR`]. Gravity alone has at most 1.73, in whatever direction.
+/// [`MAX_FACTOR`]. Gravity has at most 1.73 in any direction.
 const ACC_LIMIT_G: f32 = 1.9;
 
 /// The gains of a step.
@@ -86,7 +86,7 @@ impl Gains {
 #[derive(Clone, Debug, PartialEq)]
 #[repr(C)]
 pub(super) struct Channel {
-    /// What to subtract from `gain_log2`.
+    /// Difference to `gain_log2`.
     subtract: i32,
     /// The filter's own gain.
     own: Gain,
@@ -104,19 +104,19 @@ impl Channel {
     }
 }
 
-/// The schedule of the gains: the filter's own, and those of the start.
+/// The schedule of the gains: the filter's own gains, and the gains of the start.
 #[derive(Clone, Debug, PartialEq)]
 #[repr(C)]
 pub(super) struct Schedule {
     /// Blocks that have the first gain.
     first_blocks: u32,
     pub(super) tilt: Channel,
-    /// By how much the tilt's shift may be lessened.
+    /// Largest reduction of the tilt's shift.
     tilt_shift_room: i32,
-    /// By how much the tilt's gain may be doubled before accelerations are limited.
+    /// Doublings of the tilt's gain before accelerations are limited.
     limit_room: i32,
     pub(super) heading: Channel,
-    /// What [`Gains::acc_limit`] is while there is a limit.
+    /// [`Gains::acc_limit`] while there is a limit.
     acc_limit: i32,
     /// `gain_log2` at the start.
     first_gain_log2: i32,
@@ -126,26 +126,26 @@ pub(super) struct Schedule {
     start_up_blocks: u32,
 }
 
-/// How far the schedule is.
+/// Progress of the schedule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct ScheduleState {
     /// Blocks of samples so far, modulo 2^32.
     blocks: u32,
-    /// Number of blocks after which the gain drops next.
+    /// Block count at the next drop of the gain.
     drop_at: u32,
-    /// Blocks from that drop to the one after it.
+    /// Blocks from the next drop to the drop after it.
     drop_interval: u32,
     /// Base-2 logarithm of the gain increase of the slower channel.
     pub(super) gain_log2: i32,
-    /// By how much `gain_log2` drops next.
+    /// Size of the next drop of `gain_log2`.
     next_drop: i32,
 }
 
 impl Schedule {
-    /// `tilt` and `heading` are the filter's own gains per sample, `per_g` the counts of standard
-    /// gravity, and `counts` those of the tilt error of a right angle; `start_up_s` is the time
-    /// after which the estimate counts as initialised.
+    /// `tilt` and `heading` are the filter's own gains per sample. `per_g` are the counts of
+    /// standard gravity, `counts` the counts of a tilt error of a right angle. After `start_up_s`
+    /// the estimate counts as initialised.
     #[inline(always)]
     pub(super) fn new(
         (tilt, heading): (f32, f32),
@@ -216,7 +216,7 @@ impl Schedule {
         state.blocks > self.start_up_blocks
     }
 
-    /// The next gains may come with a limit for accelerations: it holds from now on.
+    /// A limit for accelerations that the next gains may bring; it holds from now on.
     #[inline(always)]
     pub(super) fn limit_acc(&self, gains: &mut Gains) {
         gains.acc_limit = self.acc_limit;
@@ -234,9 +234,9 @@ impl Schedule {
         }
         gains.settled = (state.gain_log2 == 0).into();
         let tilt_log2 = self.tilt.raised(state.gain_log2);
-        // What the shift has no room for goes into the factor.
+        // The factor takes the doublings beyond the shift's range.
         let excess = positive(tilt_log2 - self.tilt_shift_room);
-        // The limit beyond its room, 0 within it: all bits of the mask or none.
+        // The limit beyond that range, 0 within it: all bits of the mask or none.
         gains.acc_limit = self.acc_limit & ((self.limit_room - tilt_log2) >> 31);
         gains.tilt.factor = self.tilt.own.factor << (excess & 31);
         gains.tilt.shift = self.tilt.own.shift - (tilt_log2 - excess) as u32;
@@ -244,7 +244,7 @@ impl Schedule {
         gains.heading.shift = self.heading.own.shift - heading_log2 as u32;
     }
 
-    /// Whether the numbers are ones that an update can have left.
+    /// Whether an update can have left these numbers.
     pub(super) fn is_sound(&self, state: &ScheduleState, gains: &Gains) -> bool {
         let most = self.tilt.raised(self.first_gain_log2);
         let largest = self.tilt.own.factor << (positive(most - self.tilt_shift_room) & 31);
@@ -276,7 +276,7 @@ impl ScheduleState {
     }
 }
 
-/// How often a gain is doubled until it is a first gain.
+/// Doublings of a gain up to a first gain.
 fn doublings(gain: f32) -> i32 {
     let mut log2 = 0;
     let mut gain = gain;
@@ -304,8 +304,8 @@ mod tests {
 
     #[test]
     fn gains_fall_to_the_filters_own_as_those_of_a_running_mean() {
-        // Own gains: 1/512 and 1/1024, so 2^6 and 2^7 times less than the first, 1/8. Blocks of 32
-        // samples.
+        // Own gains of 1/512 and 1/1024 are 2^6 and 2^7 times less than the first gain, 1/8. Blocks
+        // have 32 samples.
         let schedule = Schedule::new((1.0 / 512.0, 1.0 / 1_024.0), (1_024.0, 1_024.0), 5, 0.0)
             .expect("in range");
         let (mut state, mut gains) = schedule.start();

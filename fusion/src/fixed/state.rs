@@ -1,4 +1,4 @@
-//! What an estimator remembers.
+//! The memory of an estimator.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -9,40 +9,40 @@ use super::rest::RestState;
 use super::rotation::Rotation;
 use super::start_up::{Gains, ScheduleState};
 
-/// All that an estimator remembers from one step to the next, and nothing that follows from its
-/// configuration: plain words of 32 bits, the same for every filter. Whoever holds it can copy,
-/// compare, store and restore it, and seal it by a checksum of [`State::words`].
+/// The memory of an estimator from one step to the next: plain words of 32 bits, the same for every
+/// filter, without the constants of the configuration. To copy, compare, store and restore; a
+/// checksum of [`State::words`] can seal it.
 ///
-/// [`Estimator::start`](super::Estimator::start) makes one. Words from elsewhere may be any;
-/// [`Estimator::accepts`](super::Estimator::accepts) tells whether an update can take them.
+/// [`Estimator::start`](super::Estimator::start) makes one.
+/// [`Estimator::accepts`](super::Estimator::accepts) tells whether an update can take words from
+/// elsewhere.
 ///
-/// First what every step touches: it lies within reach of the core's short offsets.
+/// The fields that every step touches come first, within reach of the core's short offsets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct State {
     pub(super) rotation: Rotation,
-    /// What the half angle per count was cut by in the last step, its low `DT_BITS` bits: added in
-    /// the next.
+    /// Low `DT_BITS` bits of the half angle per count in the last step, for the next step.
     pub(super) dt_remainder: u32,
     pub(super) gains: Gains,
     /// Sample number of the last field that has corrected the heading.
     pub(super) heading_tick: u32,
-    /// Jobs of the deviations that are to come.
+    /// Jobs of the deviations still to come.
     pub(super) due: Due,
     pub(super) compass: CompassState,
     pub(super) rest: RestState,
     pub(super) filter: FilterState,
     pub(super) schedule: ScheduleState,
     pub(super) uncertainty: UncertaintyState,
-    /// There was a step of more than 1.25 periods since the last block began: 1, else 0.
+    /// A step since the last block's start took more than 1.25 periods: 1, else 0.
     pub(super) gap: u32,
     pub(super) last_field: LastField,
     /// Rates of the last step less their offset, counts, if a sensor is late.
     pub(super) rates: [i32; 3],
 }
 
-/// The last field while accelerations are limited: it stands for those that a slow magnetometer
-/// leaves out.
+/// The last field while accelerations are limited. It stands for the fields between a slow
+/// magnetometer's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct LastField {
