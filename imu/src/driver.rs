@@ -1,4 +1,4 @@
-//! The trait that a control loop calls.
+//! The trait of a driver, for a control loop.
 
 use crate::fault::SensorFault;
 use crate::refresh::Refresh;
@@ -6,34 +6,34 @@ use crate::sample::{Sample, Scale};
 use crate::time::Micros;
 use crate::transfer::{BusError, Transfer};
 
-/// What the owner of the bus is to do.
+/// Next task of the bus' owner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
     /// Perform this transfer and hand its outcome to [`Imu::complete`].
     Transfer(Transfer),
-    /// Nothing before this moment; [`Micros`] at its maximum while the sensor is suspended.
+    /// Nothing to do before this moment; the maximum of [`Micros`] while the sensor is suspended.
     Wait(Micros),
     /// Sampling: a burst may be armed for the next tick.
     Sample,
 }
 
-/// The transfers that ticks start, to a 7-bit address.
+/// The transfers of the ticks, to a 7-bit address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bursts {
     /// The slave's address.
     pub address: u8,
     /// Reads all sensors; `None` while the sensor is set up.
     pub whole: Option<Transfer>,
-    /// Reads the rates alone, in less time; `None` where that says nothing.
+    /// Reads the rates alone, in less time; `None` if rates alone cannot be judged.
     pub rates: Option<Transfer>,
 }
 
-/// What a control loop has to know of a sensor before it has one.
+/// Properties of a sensor that a control loop needs in advance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Description {
-    /// What a count is worth.
+    /// Units of a count.
     pub scale: Scale,
-    /// Lag of the gyroscope's filter, s: that of a first-order one.
+    /// Lag of the gyroscope's filter, as of a first-order filter, s.
     pub gyr_lag_s: f32,
     /// An acceleration beyond this clips, counts.
     pub acc_range: u16,
@@ -49,40 +49,40 @@ pub struct Description {
 
 /// An inertial sensor, without its bus.
 pub trait Imu {
-    /// What to do now. Asking again without reporting gives the same answer.
+    /// The task now. Without a report in between, the next call gives the same answer.
     fn next(&mut self, now: Micros) -> Next;
 
-    /// Takes the outcome of the transfer that [`next`](Self::next) gave out: the bytes read, none
-    /// for a write.
+    /// Takes the outcome of the transfer from [`next`](Self::next): the bytes read, none for a
+    /// write.
     fn complete(&mut self, now: Micros, outcome: Result<&[u8], BusError>);
 
     /// Whether the sensor is set up and gives samples.
     fn is_sampling(&self) -> bool;
 
-    /// What the next tick is to start.
+    /// The transfers for the next tick.
     fn bursts(&self) -> Bursts;
 
-    /// Takes the outcome of a burst that started at `time`; of the rates alone, the time at which a
-    /// whole one would have started that reads them at the same moment.
+    /// Takes the outcome of a burst that started at `time`. For a burst of the rates alone, `time`
+    /// is the start of a whole burst that would read the rates at the same moment.
     ///
     /// # Errors
-    /// The fault for which the data are not to be used. The driver recovers by itself.
+    /// The fault that makes the data unusable. The driver recovers by itself.
     fn sample(
         &mut self,
         time: Micros,
         outcome: Result<&[u8], BusError>,
     ) -> Result<Sample, SensorFault>;
 
-    /// Takes the outcome of a burst that comes too late to be used: it counts for the sensor's
-    /// health alone.
+    /// Takes the outcome of a burst that is too late to be used. It counts for the sensor's health
+    /// alone.
     fn overdue(&mut self, time: Micros, outcome: Result<&[u8], BusError>);
 
-    /// Notes that a tick went by without its burst, and gives the fault to report for it.
+    /// Counts a tick without a burst, and gives the fault to report.
     fn missed(&mut self) -> SensorFault;
 
     /// How many bursts had new data so far; wraps.
     fn fresh(&self) -> u32;
 
-    /// What is known of the sensor's refreshes.
+    /// The sensor's refreshes.
     fn refresh(&self) -> &Refresh;
 }

@@ -5,7 +5,7 @@ use core::fmt;
 use crate::hex::Hex;
 use crate::transfer::BusError;
 
-/// Why there is no good sample.
+/// The reason for a missing sample.
 ///
 /// `Display` gives at most 34 characters, so that a fault with a prefix fits a MAVLink STATUSTEXT.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -74,10 +74,10 @@ pub enum SensorFault {
     Late,
     /// Suspended by request.
     Suspended,
-    /// So many recent samples were bad that the good ones are not to be believed either.
+    /// Too many recent samples were bad: the good samples are not trusted either.
     Unreliable,
-    /// A register did not read as written once. It is read again before it is believed, because a
-    /// wrong bit on the wire looks the same.
+    /// A register did not read as written once. The driver reads it again, because a wrong bit on
+    /// the wire looks the same.
     RegisterMismatch,
 }
 
@@ -114,8 +114,8 @@ impl SensorFault {
         (kind as u16) << 8 | detail as u16
     }
 
-    /// Whether the samples before it were wrong already: what flies by them does not wait for them
-    /// to grow old.
+    /// Whether the samples before the fault were wrong already, so a vehicle must stop using them
+    /// at once.
     #[must_use]
     pub const fn ends_trust(&self) -> bool {
         matches!(

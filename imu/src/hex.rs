@@ -1,5 +1,4 @@
-//! Bytes as text without the weight of the standard formatting, which pads and signs and aligns (2
-//! KB on a small chip).
+//! Bytes as text without the standard formatting, which takes 2 KB on a small chip.
 
 use core::fmt::{self, Write};
 

@@ -1,18 +1,19 @@
-//! What of a reading is new, and how often the sensor refreshes its registers.
+//! New parts of a reading, and the sensor's refresh rate.
 //!
-//! Sensors such as the BNO055 refresh their registers by a clock of their own, and a reading says
-//! only whether they are new. That is enough for both:
+//! Sensors such as the BNO055 refresh their registers by a clock of their own. A reading shows only
+//! whether its counts are new. From that follow the age of the rates and the period:
 //!
-//! - New rates were refreshed since the reading before, and a whole number of periods after the
-//!   ones before them. What all readings allow of the age is an interval, some 3 ms wide where the
-//!   loop reads three times in two periods, and much less once the two clocks have shifted; its
-//!   middle is the estimate.
-//! - The period is the time of many new readings over their number. Each rate then counts for just
-//!   one period, however often it was read: were it counted for the time between two readings, a
-//!   turn from 0.8 rad would end up to 8 mrad off.
+//! - New rates were refreshed since the reading before, a whole number of periods after the last
+//!   new rates. All readings together leave an interval for the age, and its middle is the
+//!   estimate. If the loop reads three times in two periods, the interval is some 3 ms wide, and
+//!   much less when the two clocks have shifted.
+//! - The period is the time of many new readings over their number. Each rate counts for one
+//!   period, however often it was read. With the time between two readings instead, a turn from 0.8
+//!   rad would end up to 8 mrad off.
 //!
 //! A burst takes longer than a millisecond for the three rates, and a refresh may come between two
-//! of them: the last are new in this burst, the rest in the next. What counts is the second.
+//! of them. Then the last rates are new in this burst and the first rates in the next. The second
+//! rate decides.
 //!
 //! A magnetometer is slower than the loop, and its words repeat until it has measured again.
 
@@ -23,26 +24,25 @@ use crate::sample::{NewRates, RawSample, Sample};
 /// Period of the refresh until it is known, us.
 const PERIOD_US: u32 = 10_000;
 
-/// Shortest and longest time between two new readings, us: that of the loop's samples at the
-/// fastest, and two refreshes of the slowest single sensor (28.6 ms), the first of which has the
-/// counts of the one before, with a reserve.
+/// Shortest and longest time between two new readings, us: the fastest loop's samples; and, with a
+/// reserve, two refreshes of the slowest sensor (28.6 ms), of which the first repeats its counts.
 const SHORTEST_US: u32 = 5_000;
 const LONGEST_US: u32 = 61_000;
 
-/// log2 of the periods that the first mean is taken over, and after which the count begins anew. A
-/// mean of n is good to 1/n.
+/// log2 of the periods of the first mean, and of the periods after which the count begins anew. A
+/// mean of n is exact to 1/n.
 const FIRST: u32 = 6;
 const LAST: u32 = 12;
 
-/// How well the first mean is known, as a power of a half: one reading in 23 of a quiet gyroscope
-/// has the counts of the one before.
+/// Error of the first mean, as a power of a half: one reading in 23 of a quiet gyroscope repeats
+/// its counts.
 const ROUGH: u32 = 4;
 
-/// A field that has been the same for so long counts as measured again, us: the period of a
-/// magnetometer at 10 Hz.
+/// An unchanged field counts as measured again after this time, us: the period of a magnetometer at
+/// 10 Hz.
 const FIELD_REPEAT_US: u32 = 100_000;
 
-/// Longest time between two readings that is counted, us.
+/// Longest counted time between two readings, us.
 const GAP_US: u64 = 500_000;
 
 /// Finds out what is new in the readings of a sensor.
@@ -52,17 +52,17 @@ pub struct Refresh {
     state: State,
 }
 
-/// What is known of the refresh: plain words, and flags as 0 or 1.
+/// State of the refresh: plain words, and flags as 0 or 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 struct State {
-    /// What the readings so far allow of the age, us.
+    /// Bounds of the age by the readings so far, us.
     least_us: u32,
     most_us: u32,
     /// Time since the newest new reading, us; more than [`LONGEST_US`] while counts stay the same.
     since_new_us: u32,
     period_us: u32,
-    /// How well it is known: within this power of a half, as a share of it; 0 while it is not.
+    /// Relative error of the period, as a power of a half; 0 while the period is unknown.
     share: u32,
     /// Periods that have been counted for the next mean, and their time, us.
     counted: u32,
@@ -113,14 +113,14 @@ impl Refresh {
         }
     }
 
-    /// All that the next readings are judged by beside the newest one.
+    /// The state for judging the next readings, without the newest reading.
     #[must_use]
     pub fn words(&self) -> &[u32] {
         bytemuck::cast_slice(core::slice::from_ref(&self.state))
     }
 
-    /// Goes on from the [words](Self::words) of another one behind this reading; `None` if they
-    /// are none.
+    /// Goes on from this reading and the [words](Self::words) of another `Refresh`; `None` if no
+    /// `Refresh` has such words.
     #[must_use]
     pub fn resumed(raw: RawSample, words: &[u32]) -> Option<Self> {
         let state: State = *bytemuck::try_from_bytes(bytemuck::cast_slice(words)).ok()?;
@@ -143,8 +143,8 @@ impl State {
             && self.field_age_us <= FIELD_REPEAT_US
     }
 
-    /// Whether a field `dt_us` after the one before is new. One that stays the same for long is
-    /// taken as one that does not change.
+    /// Whether a field `dt_us` after the field before is new. A field that stays the same for long
+    /// counts as new.
     fn has_new_field(&mut self, dt_us: u32, differs: bool) -> bool {
         self.field_age_us = (self.field_age_us + dt_us).min(FIELD_REPEAT_US);
         let is_new = differs || self.field_age_us == FIELD_REPEAT_US;
@@ -154,19 +154,19 @@ impl State {
         is_new
     }
 
-    /// A reading `dt_us` after the one before, and which of its rates differ from that, in the
-    /// order in which they are read. A new one with the counts of the one before passes for a
-    /// repeated one, which the next makes up for. Where counts stay the same for long, those of a
-    /// sensor without noise, every reading is new.
+    /// A reading `dt_us` after the reading before. `differ` tells which rates have other counts, in
+    /// the order of reading. A new rate with equal counts passes for a repeated rate; the next rate
+    /// corrects that. If counts stay the same for long, as of a sensor without noise, every reading
+    /// is new.
     fn look(&mut self, dt_us: u32, differ: [bool; 3]) -> Option<NewRates> {
         let [first, second, third] = differ;
-        // The first alone, behind a new reading, is what that one was too early for.
+        // After a new reading, a change of the first rate alone belongs to that reading's refresh.
         let differs = second || first && (third || self.was_new == 0);
         self.was_new = differs.into();
         let was_still = self.since_new_us > LONGEST_US;
         let since_new_us = self.since_new_us + dt_us;
-        // A reading for each refresh, as on a slow bus or behind a missed one: nothing tells one
-        // period from two.
+        // With one reading a refresh, as on a slow bus or after a missed reading, one period looks
+        // like two.
         let is_seldom = dt_us > self.period_us * 3 / 4;
         if is_seldom && !was_still && since_new_us <= LONGEST_US {
             *self = Self {
@@ -182,7 +182,7 @@ impl State {
             });
         }
         if was_still || since_new_us > LONGEST_US {
-            // Nobody knows by how many periods the clocks have gone on.
+            // The number of periods since then is unknown.
             *self = Self {
                 since_new_us: if differs { 0 } else { LONGEST_US + 1 },
                 period_us: self.period_us,
@@ -213,9 +213,9 @@ impl State {
         })
     }
 
-    /// How many periods lie between the newest new reading and this one, `dt_us` after the reading
-    /// before, and how long they are together, us. Each new reading may be up to `dt_us` old; the
-    /// fewest periods count, since new counts are seldom equal.
+    /// Number of periods between the newest new reading and this one, `dt_us` after the reading
+    /// before, and their time, us. Each new reading may be up to `dt_us` old. The fewest possible
+    /// periods count, because new counts are seldom equal.
     fn passed(&self, dt_us: u32) -> (u32, u32) {
         if self.share == 0 {
             return (1, self.since_new_us);
@@ -227,13 +227,14 @@ impl State {
         (periods, elapsed_us)
     }
 
-    /// The refresh is so much later than the one before, us, and new at most `dt_us` after it.
+    /// The refresh comes `later_us` after the last one, and this reading at most `dt_us` after the
+    /// refresh.
     fn narrow(&mut self, later_us: u32, dt_us: u32) {
         let oldest_us = dt_us.min(self.period_us);
         self.least_us = self.least_us.saturating_sub(later_us);
         self.most_us = self.most_us.saturating_sub(later_us).min(oldest_us);
         if self.least_us >= self.most_us {
-            // The sensor's clock is not what it is taken for: all that this reading allows.
+            // The estimate of the sensor's clock is wrong: takes the bounds of this reading alone.
             (self.least_us, self.most_us) = (0, oldest_us);
         }
     }
@@ -249,7 +250,7 @@ impl State {
             let mean_us = (self.counted_us + counted / 2) / counted;
             self.period_us = mean_us.clamp(SHORTEST_US, LONGEST_US);
             if self.share == 0 {
-                // Each new reading has been counted as one period, though some are of two.
+                // Each new reading has counted as one period, though some are two.
                 self.share = ROUGH;
                 (self.counted, self.counted_us) = (0, 0);
             } else {
@@ -276,8 +277,8 @@ mod tests {
         refreshed.map(|refreshed| refreshed.age_us)
     }
 
-    /// By hand: read every 6 ms. New at 6: refreshed within 0 to 6 ago. Repeated at 12. New at 18:
-    /// what was 0 to 6 ms old is, 12 ms and a period later, 2 to 8, and at most 6.
+    /// By hand, read every 6 ms. New at 6: the age is 0 to 6 ms. Repeated at 12. New at 18: the age
+    /// is 2 to 8 ms, 12 ms and a period later, and at most 6.
     #[test]
     fn new_readings_narrow_the_age() {
         let mut refresh = State::default();
@@ -315,7 +316,8 @@ mod tests {
         assert_eq!(elapsed[9..], [10 * each, each, each, each, each]);
     }
 
-    /// By hand: the third rate alone is too early for the second, the first alone too late.
+    /// By hand: a change of the third rate alone is before the second rate's refresh, of the first
+    /// alone after it.
     #[test]
     fn a_refresh_in_the_midst_of_a_burst_counts_once() {
         let is_new = |refresh: &mut State, differ| refresh.look(6_667, differ).is_some();
@@ -326,12 +328,13 @@ mod tests {
         assert!(!is_new(&mut refresh, SAME));
         assert!(is_new(&mut refresh, [false, true, true]));
         assert!(!is_new(&mut refresh, [true, false, false]));
-        // Behind one that is not new the first stands for a second that happens to be equal.
+        // After a repeated reading, a change of the first rate means that the second is equal by
+        // chance.
         assert!(is_new(&mut refresh, [true, false, false]));
     }
 
-    /// What the loop makes of a sensor at 150 Hz: estimate and age of each new reading, us, and the
-    /// sensor's period, the time that was counted and that has passed since one, us.
+    /// A loop with a sensor at 150 Hz: estimate and true age of each new reading, us; the period,
+    /// the counted time and the true time since a reading, us.
     struct Watched {
         ages_us: Vec<(i64, i64)>,
         period_us: u32,
@@ -342,9 +345,9 @@ mod tests {
     /// Between two rates of a burst, us: two bytes at 400 kHz, stretched.
     const RATE_US: i64 = 410;
 
-    /// A sensor whose first refresh comes `phase_us` early, and which is at rest for `rest`
-    /// readings: each of its rates then repeats its counts with the probability `equal`. Counted is
-    /// what comes after.
+    /// A sensor whose first refresh comes `phase_us` early. For `rest` readings it is at rest, and
+    /// each rate repeats its counts with the probability `equal`. The result counts the readings
+    /// after the rest.
     fn watch(
         (phase_us, period_us): (i64, i64),
         equal: f64,
@@ -395,8 +398,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the sensor's clock, six seconds find its period, a refresh in the midst of a
-        /// burst included, and each rate of a turn after that counts for just one.
+        /// Six seconds find the period of any sensor's clock, even with refreshes in the midst of
+        /// bursts. After that each rate of a turn counts for one period.
         #[test]
         fn finds_the_period(
             phase_us in 0_i64..10_000,
@@ -411,8 +414,8 @@ mod tests {
             prop_assert!(off.abs() < 3e-3, "{off}");
         }
 
-        /// At rest one count in seven is that of the refresh before: the age is known within half
-        /// of the time between two readings all the same.
+        /// At rest one count in seven repeats. Still the age is known within half of the time
+        /// between two readings.
         #[test]
         fn equal_counts_do_little_harm(phase_us in 0_i64..10_000, period_us in 9_700_i64..10_300) {
             let watched = watch((phase_us, period_us), 0.15, (900, 1_350));

@@ -1,16 +1,16 @@
-//! What a sensor has measured.
+//! Readings of a sensor.
 
 use crate::time::Micros;
 
-/// One reading of all sensors, as the chip gave it.
+/// One reading of all sensors, in counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RawSample {
     /// Start of its burst.
     pub time: Micros,
     /// Acceleration, counts; zero without an accelerometer.
     pub acc: [i16; 3],
-    /// Magnetic field, counts; zero without a magnetometer, and from one that measures nothing
-    /// where that is no fault.
+    /// Magnetic field, counts; zero without a magnetometer, and from an optional magnetometer that
+    /// measures nothing.
     pub mag: [i16; 3],
     /// Angular rate, counts; zero without a gyroscope.
     pub gyr: [i16; 3],
@@ -36,7 +36,7 @@ impl RawSample {
     }
 }
 
-/// A reading, and what of it is new.
+/// A reading, and which parts of it are new.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sample {
     /// The counts.
@@ -52,13 +52,13 @@ pub struct Sample {
 /// Rates that are new.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NewRates {
-    /// How long before the reading the sensor measured them, us, but for the lag of its filter.
+    /// Age of the rates at the reading, us, without the lag of the sensor's filter.
     pub age_us: u32,
-    /// Time for which they stand: between this refresh and that of the new ones before, us.
+    /// Time that the rates cover: from the refresh of the last new rates to this refresh, us.
     pub elapsed_us: u32,
 }
 
-/// What a count is worth.
+/// Units of a count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     /// Of the accelerometer, m/s^2.

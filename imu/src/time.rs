@@ -12,7 +12,7 @@ impl Micros {
     }
 
     /// Microseconds from `earlier` to `self`; 0 if `earlier` is later.
-    // Not inlined: it is called from fifty places.
+    // Not inlined: fifty places call it.
     #[inline(never)]
     #[must_use]
     pub const fn since(self, earlier: Self) -> u64 {

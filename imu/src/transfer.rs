@@ -1,7 +1,6 @@
-//! What a driver and the owner of the bus exchange: transfers and their outcomes.
+//! The exchange between a driver and the owner of the bus: transfers and their outcomes.
 
-/// How long the owner of the bus should let one transfer take before it reports
-/// [`BusError::Timeout`].
+/// Longest time of a transfer before the owner of the bus reports [`BusError::Timeout`], us.
 ///
 /// The longest transfer, 32 bytes at 100 kHz with 0.2 ms of clock stretching a byte, takes about 9
 /// ms.
@@ -13,7 +12,7 @@ pub const WRITE_MAX: usize = 22;
 /// Longest answer to a read.
 pub const READ_MAX: usize = 26;
 
-/// Bytes of a write, held inline. In whole machine words, by which small cores copy faster.
+/// Bytes of a write, held inline, in whole machine words: small cores copy words faster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(align(4))]
 pub struct Bytes {

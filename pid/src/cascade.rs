@@ -17,7 +17,7 @@ pub struct CascadeConfig {
 }
 
 /// Outer loop: angle error to a limited rate command. Inner loop: a [`Pid`] on the rate. The limit
-/// bounds the speed at which large errors are taken back, which a single loop cannot.
+/// bounds the speed at which large errors are corrected.
 #[derive(Clone, Debug)]
 pub struct Cascade<T> {
     angle_gain: T,
@@ -143,8 +143,8 @@ mod tests {
         }
     }
 
-    /// Started afresh it does as a new one, and with another configuration as one that has it; one
-    /// that is refused changes nothing.
+    /// A restarted law acts like a new law, and a changed law like a law with the new
+    /// configuration. A refused configuration changes nothing.
     #[test]
     fn takes_another_configuration_and_begins_anew() {
         let mut cascade = Controller::<f32, Cascade<f32>>::new(&config()).unwrap();

@@ -1,4 +1,4 @@
-//! What can be set, in SI units, and what is refused.
+//! Settings in SI units, and their errors.
 
 use core::fmt;
 use core::ops::RangeInclusive;
@@ -28,10 +28,10 @@ pub enum Derivative {
     },
 }
 
-/// What keeps the integral from running away while the output is limited.
+/// Bound of the integral while the output is limited.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AntiWindup {
-    /// The integral is drawn back by what the limits cut off, with this time constant (s).
+    /// The part that the limits cut off draws the integral back, with this time constant (s).
     BackCalculation {
         /// Tracking time, s, at least the sample period. Around `sqrt(kd / ki)` or `kp / ki` is
         /// usual.
@@ -52,14 +52,14 @@ pub struct Config {
     pub derivative: Derivative,
     /// Time constant of the derivative's low-pass filter, s; 0 is no filter.
     pub derivative_filter_s: f32,
-    /// Share of the setpoint in the proportional action, 0 to 1: less than 1 takes overshoot from
-    /// steps of the setpoint without touching the response to disturbances.
+    /// Share of the setpoint in the proportional action, 0 to 1. Less than 1 reduces the overshoot
+    /// of steps without changing the response to disturbances.
     pub setpoint_weight: f32,
     /// Least and greatest output.
     pub limit: RangeInclusive<f32>,
     /// Greatest change of the output per second; infinite is none.
     pub slew_per_s: f32,
-    /// What happens to the integral while the output is limited.
+    /// Treatment of the integral while the output is limited.
     pub anti_windup: AntiWindup,
 }
 
@@ -108,7 +108,7 @@ pub(crate) fn in_range(
     is_right.then_some(()).ok_or(ConfigError::OutOfRange(name))
 }
 
-/// Largest gain or limit taken: what Q16 can hold.
+/// Largest accepted gain or limit: Q16's range.
 pub(crate) const LARGEST: f32 = 32_000.0;
 
 /// Shortest and longest sample period, s.

@@ -13,18 +13,18 @@ pub struct Reading<T> {
     /// Its measured rate, per s.
     pub rate: T,
     /// Age of the rate, sample periods, without the sensor's own lag. `None` for a reading that
-    /// repeats the one before: it says nothing new.
+    /// repeats the last one.
     pub age: Option<T>,
-    /// By how much the value is younger than the rate, sample periods.
+    /// Age of the rate less the value's age, sample periods.
     pub value_lead: T,
 }
 
-/// A control law. The law itself has the settings, which no sample changes; the state is a value
-/// apart that can be [taken and restored](State).
+/// A control law. The law has the settings, which no sample changes. The state is a separate value,
+/// to be [read and restored](State).
 pub trait Law<T: Scalar>: Sized {
     /// What it is made of, in SI units.
     type Config;
-    /// What it remembers from one sample to the next.
+    /// The memory from one sample to the next.
     type State: State<T> + Default;
 
     /// The law of a configuration.
@@ -39,8 +39,8 @@ pub trait Law<T: Scalar>: Sized {
     }
 
     /// One sample: setpoint, reading, and whether its output is sent to the actuator. An output
-    /// that is not sent is for the case that the next sample is missing. Inputs that are not
-    /// numbers leave the output as it was.
+    /// that is not sent stands in for a missing next sample. Inputs that are NaN leave the output
+    /// as it was.
     fn update(
         &self,
         state: &mut Self::State,
@@ -64,8 +64,8 @@ pub trait Law<T: Scalar>: Sized {
     fn retune(&mut self, state: &mut Self::State, config: &Self::Config)
     -> Result<(), ConfigError>;
 
-    /// Take prepared gains, where it has such, as a schedule does every sample. Nothing absorbs the
-    /// change: a schedule's steps are small, and intended.
+    /// Takes prepared gains, if the law has any, as a schedule does every sample. Nothing absorbs
+    /// the change, because a schedule's steps are small and intended.
     fn set_gains(&mut self, _gains: &Coefficients<T>) {}
 }
 
@@ -89,7 +89,7 @@ impl<T: Scalar, L: Law<T>> Controller<T, L> {
         Ok(Self { law, state })
     }
 
-    /// As [`Law::update`], with a reading of now whose output is sent.
+    /// As [`Law::update`], with a present reading, and an output that is sent.
     #[inline]
     pub fn update(&mut self, setpoint: T, value: T, rate: T) -> T {
         let reading = Reading {

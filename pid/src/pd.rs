@@ -1,11 +1,11 @@
-//! Proportional and derivative action, and nothing else.
+//! Proportional and derivative action.
 
 use crate::scalar::Scalar;
 
 /// Proportional-derivative control with the derivative on the measured rate.
 ///
-/// `u = kp * (setpoint - measured) - kd * rate`. There is no kick when the setpoint moves, and no
-/// difference of noisy angles is taken.
+/// `u = kp * (setpoint - measured) - kd * rate`. A moving setpoint makes no kick, and noisy angles
+/// are not differentiated.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pd<T = f32> {
     /// Output per error.

@@ -67,7 +67,7 @@ impl<T: Scalar> Coefficients<T> {
         self.kp * (self.weight * setpoint - measured)
     }
 
-    /// The point at `share` (0 to 1) of the way from these to `other`.
+    /// The gains at `share` (0 to 1) of the way to `other`.
     pub(crate) fn towards(&self, other: &Self, share: T) -> Self {
         let mix = |a: T, b: T| a + (b - a) * share;
         Self {
@@ -135,8 +135,8 @@ state! {
         /// Derivative action after its filter, gain included.
         derivative: T,
         output: T,
-        /// What the derivative takes differences of, in the last sample. Nothing before the first:
-        /// no kick.
+        /// The input of the derivative's differences in the last sample. `None` before the first,
+        /// which prevents a kick.
         previous: Option<T>,
         last: Option<Inputs<T>>,
     }
@@ -159,7 +159,7 @@ impl<T: Scalar> PidState<T> {
 pub struct Pid<T> {
     coefficients: Coefficients<T>,
     limits: Limits<T>,
-    /// Setpoint's share in the derivative; `None` where a measured rate gives it.
+    /// Setpoint's share in the derivative; `None` for a measured rate.
     derivative_weight: Option<T>,
 }
 
@@ -229,9 +229,8 @@ impl<T: Scalar> Law<T> for Pid<T> {
         self.begin(state, T::ZERO, setpoint, setpoint);
     }
 
-    /// The integral absorbs what the other gains would change. Without integral gain nothing
-    /// absorbs it, and only the slew limit softens the change; an integral gain set to zero leaves
-    /// the integral as it is.
+    /// The integral absorbs the change of the other gains. Without integral gain, only the slew
+    /// limit softens the change. An integral gain of zero leaves the integral as it is.
     fn retune(&mut self, state: &mut PidState<T>, config: &Config) -> Result<(), ConfigError> {
         let before = core::mem::replace(self, Self::new(config)?);
         if self.derivative_weight != before.derivative_weight {
@@ -258,8 +257,8 @@ impl<T: Scalar> Law<T> for Pid<T> {
 }
 
 impl<T: Scalar> Pid<T> {
-    /// Start again from a known output, as when control is handed over: with integral action the
-    /// next output is that one, whatever the error then is.
+    /// Start again from a known output, for a handover of control. With integral action, the next
+    /// output is the known output at any error.
     pub fn begin(&self, state: &mut PidState<T>, output: T, setpoint: T, measured: T) {
         let output = output.clamped(self.limits.low, self.limits.high);
         *state = PidState {
@@ -271,8 +270,7 @@ impl<T: Scalar> Pid<T> {
         }
     }
 
-    /// What the derivative gain multiplies, with its sign: a rate, or a difference since the last
-    /// sample.
+    /// Factor of the derivative gain, with its sign: a rate, or a difference since the last sample.
     fn slope(&self, state: &mut PidState<T>, setpoint: T, measured: T, rate: T) -> T {
         match self.derivative_weight {
             None => -rate,

@@ -1,4 +1,4 @@
-//! The numbers that controllers run on.
+//! The numbers of controllers.
 
 use core::ops::{Add, Mul, Neg, Sub};
 
@@ -8,7 +8,7 @@ mod sealed {
     impl Sealed for super::Q16 {}
 }
 
-/// `f32` or [`Q16`]. No division and no trigonometry: those belong into configuration.
+/// `f32` or [`Q16`], without division and trigonometry, which belong into configuration.
 pub trait Scalar:
     sealed::Sealed
     + Copy
@@ -36,7 +36,7 @@ pub trait Scalar:
     /// This share of it, rounded to nearest.
     fn times(self, share: Self::Share) -> Self;
 
-    /// Its whole part, 0 of a negative number or one that is not a number, and what is beyond that.
+    /// Whole part and rest. The whole part of a negative number or a NaN is 0.
     fn split(self) -> (usize, Self::Share);
 
     /// The value or the nearer bound. NaN gives the lower bound, so that it cannot spread.
@@ -51,7 +51,7 @@ pub trait Scalar:
         }
     }
 
-    /// Whether a controller can use it: a number, and not so large that a product overflows.
+    /// Whether a controller can use it: not NaN, and small enough for a product.
     fn is_usable(self) -> bool;
 }
 
@@ -116,7 +116,7 @@ impl Q16 {
     }
 
     /// The product of any two numbers.
-    // Not inlined, so that the usual product needs no registers to be saved.
+    // Not inlined, so that the usual product saves no registers.
     #[cold]
     #[inline(never)]
     fn product(self, other: Self) -> Self {
@@ -191,7 +191,7 @@ impl From<f32> for Q16 {
 impl From<Q16> for f32 {
     fn from(value: Q16) -> Self {
         const EXPONENT: u32 = 16 << (f32::MANTISSA_DIGITS - 1);
-        // Divided by 2^16 in its exponent: a core without floating point takes long to do it.
+        // Divides by 2^16 in the exponent: a division takes long without an FPU.
         match value.0 {
             0 => 0.0,
             counts => f32::from_bits((counts as f32).to_bits() - EXPONENT),
@@ -217,9 +217,9 @@ impl Sub for Q16 {
 
 impl Mul for Q16 {
     type Output = Self;
-    /// Rounded to nearest. A product of 64 bits takes a Cortex-M0+ several times as long as the
-    /// four of 16 bits by which numbers below 128 are multiplied, or one below 1 with one below
-    /// 16384.
+    /// Rounded to nearest. Two numbers below 128, or a number below 1 and a number below 16384,
+    /// take four products of 16 bits. A product of 64 bits takes a Cortex-M0+ several times as
+    /// long.
     // Not inlined: a law has dozens of them.
     #[inline(never)]
     fn mul(self, other: Self) -> Self {
@@ -274,7 +274,7 @@ mod tests {
         assert_eq!(f32::INFINITY.clamped(-1.0, 1.0), 1.0);
     }
 
-    /// Any number, and those near the bounds between the two ways to multiply.
+    /// Any number, and numbers near the bounds between both ways to multiply.
     fn bits() -> impl Strategy<Value = i32> {
         let near = |bound: i32| bound - 2..bound + 3;
         prop_oneof![

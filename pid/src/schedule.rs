@@ -17,7 +17,7 @@ struct Point<T> {
 #[derive(Clone, Debug)]
 pub struct Schedule<T, const N: usize> {
     points: [Point<T>; N],
-    /// How many of them there are.
+    /// Number of rows.
     len: usize,
 }
 
@@ -49,8 +49,8 @@ impl<T: Scalar, const N: usize> Schedule<T, N> {
     /// Take other rows.
     ///
     /// # Errors
-    /// A parameter out of its range by name; `schedule` where the values do not rise by at least
-    /// 1/1000, or there are more than `N`. The old rows stay.
+    /// The name of a parameter out of range; `schedule` if the values do not rise by at least
+    /// 1/1000, or if there are more than `N`. The old rows stay.
     pub fn set<R>(&mut self, rows: R) -> Result<(), ConfigError>
     where
         R: IntoIterator<Item = (f32, Config), IntoIter: Clone>,
@@ -85,8 +85,7 @@ impl<T: Scalar, const N: usize> Schedule<T, N> {
         self.len == 0
     }
 
-    /// The coefficients at a value of the variable; none without rows. What is not a number counts
-    /// as the first row.
+    /// The coefficients at a value of the variable; none without rows. A NaN gives the first row.
     pub fn at(&self, variable: T) -> Option<Coefficients<T>> {
         let mut points = self.points.iter().take(self.len).rev();
         let mut next = points.next()?;
@@ -153,7 +152,7 @@ mod tests {
         assert_eq!(schedule.at(10.0).unwrap().ki, 0.01);
     }
 
-    /// The places that are left over do not count.
+    /// Unused places do not count.
     #[test]
     fn fewer_rows_than_places_are_constant_beyond_their_last() {
         let schedule = Schedule::<f32, 6>::new(table().into_iter().take(2)).unwrap();

@@ -2,15 +2,15 @@
 
 use crate::scalar::Scalar;
 
-/// A value that consists of numbers of one type, so that it can be told, kept and restored.
+/// A value of numbers of one type, to be read, stored and restored.
 pub trait State<T>: Sized {
-    /// How many they are.
+    /// Number of numbers.
     const NUMBERS: usize;
 
     /// Shows the numbers, in the order of the fields.
     fn tell(&self, each: &mut impl FnMut(T));
 
-    /// The value that [told](Self::tell) these numbers.
+    /// The value with these numbers from [`tell`](Self::tell).
     fn told(next: &mut impl FnMut() -> T) -> Self;
 }
 
@@ -39,7 +39,7 @@ impl<T: Scalar> State<T> for bool {
     }
 }
 
-/// Whether there is one, and it.
+/// Whether there is a value, and the value.
 impl<T: Scalar, V: State<T> + Copy + Default> State<T> for Option<V> {
     const NUMBERS: usize = 1 + V::NUMBERS;
 

@@ -10,15 +10,15 @@ use crate::scalar::Scalar;
 use crate::state::state;
 use coefficients::Coefficients;
 
-/// Samples that a [`Surface`] looks back: readings and outputs that have not taken effect may be
-/// older than two periods.
+/// Samples that a [`Surface`] looks back. Readings, and outputs before their effect, may be older
+/// than two periods.
 const HISTORY: usize = 3;
 
-/// Oldest first reading that is carried on to now, sample periods.
+/// Oldest first reading that is extrapolated, sample periods.
 const MOST_AGE: f32 = 10.0;
 
 /// Configuration of a [`Surface`]. "Output" is the unit of its output and of the actuator's
-/// position, "value" that of what it controls.
+/// position, "value" the controlled quantity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceConfig {
     /// Sample period, s, up to 0.1.
@@ -31,18 +31,17 @@ pub struct SurfaceConfig {
     pub sensor_lag_s: f32,
     /// Greatest speed of the actuator, output per s.
     pub actuator_rate: f32,
-    /// Time constant of the actuator's position loop, s: the speed that it asks for is the error
-    /// over this.
+    /// Time constant of the actuator's position loop, s: the wanted speed is the error over this.
     pub actuator_loop_s: f32,
     /// Lag of the actuator's speed, s.
     pub actuator_lag_s: f32,
     /// Play behind the actuator, either way, output.
     pub actuator_play: f32,
-    /// How far beyond the output's effect the surface is looked at, s.
+    /// Time from the output's effect to the evaluation of the surface, s.
     pub ahead_s: f32,
     /// Output per deviation of the rate from the surface, s.
     pub gain_s: f32,
-    /// Largest distance of the output from where the actuator will be, output.
+    /// Largest distance of the output from the actuator's position at its effect, output.
     pub lead_limit: f32,
     /// Slope of the surface near the setpoint, 1/s.
     pub near_per_s: f32,
@@ -50,40 +49,40 @@ pub struct SurfaceConfig {
     pub curve: f32,
     /// Share of a rate's innovation that the model takes over with each new reading, 0 to 1.
     pub rate_share: f32,
-    /// The same of the value's.
+    /// Share of a value's innovation that the model takes over, 0 to 1.
     pub value_share: f32,
     /// Bandwidth of the disturbance's estimate, rad/s; 0 is no trim.
     pub trim_rad_s: f32,
-    /// Largest disturbance that is estimated, output.
+    /// Largest estimate of the disturbance, output.
     pub trim_limit: f32,
     /// Largest output, either side.
     pub limit: f32,
 }
 
-/// Control of a plant `value'' = gain (position + disturbance)` by an actuator that is slow, lags,
-/// has play, and takes a new target only now and then, with readings that are old by the time they
-/// come: as fast as the actuator's speed allows, without overshoot.
+/// Control of a plant `value'' = gain (position + disturbance)`, as fast as the actuator's speed
+/// allows, without overshoot. The actuator is slow, lags, has play, and takes a new target only now
+/// and then. Readings are late.
 ///
-/// **The surface.** An actuator at zero that may move with the speed `S` takes `t = sqrt(w / (gain
-/// S))` to swing out and the same to swing back, which stops a rate `w` over a distance `w t`: from
-/// a distance `x` the greatest rate that can still be stopped is `(gain S)^(1/3) x^(2/3)`. (For an
-/// actuator without limit of speed it is the well-known square root. M. L. Workman, Adaptive
-/// Proximate Time-Optimal Servomechanisms, 1987.) An actuator away from zero must come back first,
-/// which moves value and rate by
+/// **The surface.** An actuator at zero with the speed `S` takes `t = sqrt(w / (gain S))` to swing
+/// out and as long to swing back. That stops a rate `w` over a distance `w t`. So from a distance
+/// `x`, the greatest rate that can be stopped is `(gain S)^(1/3) x^(2/3)`. (Without a limit of
+/// speed it is the well-known square root: M. L. Workman, Adaptive Proximate Time-Optimal
+/// Servomechanisms, 1987.) An actuator away from zero must come back first, which moves value and
+/// rate by
 ///
 /// ```text
 /// time t = |p| / S,  rate: gain p |p| / 2 S,  value: rate0 t + gain p^3 / 3 S^2
 /// ```
 ///
-/// with `p` its position and the disturbance. The value after that is the distance, the rate after
-/// that is compared with the curve. Near the setpoint the curve is a straight line, since its root
-/// has no finite slope there; farther away six tangents stand for it, the lowest of which counts.
+/// with `p` its position and the disturbance. The value after that is the distance, and the rate
+/// after that is compared with the curve. Near the setpoint the curve is a straight line, because
+/// its root has no finite slope there. Farther away it is the lowest of six tangents.
 ///
-/// **The model.** Where the actuator is follows from what was sent to it and when that takes
-/// effect; value and rate follow from where it was. They are those of now, although readings are
-/// old: a reading is compared with what the model had at the reading's time, and the difference
-/// moves present and past alike. The model runs ahead to when the next output takes effect, with
-/// the outputs that are under way.
+/// **The model.** The actuator's position follows from the outputs and the time of their effect;
+/// value and rate follow from the position. The model is of the present, although readings are
+/// late: a reading is compared with the model at the reading's time, and the difference moves
+/// present and past alike. With the outputs under way, the model runs ahead to the next output's
+/// effect.
 ///
 /// ```text
 /// speed    = speed + a (clamp((target - actuator) / loop) - speed)       a = T / (lag + T)
@@ -97,10 +96,10 @@ pub struct SurfaceConfig {
 /// u = position - clamp(gain_s (rate + gain p |p| / 2 S + r))
 /// ```
 ///
-/// The output is the actuator's position plus a distance, so that an actuator at rest on the
-/// surface stays: that holds against a disturbance without an integral that could wind up. Limits
-/// of the output, a plant that is held, and a tether's stop do not wind up the model either: its
-/// rate and value follow the readings.
+/// The output is the actuator's position plus a distance, so an actuator at rest on the surface
+/// stays. That holds against a disturbance without an integral that could wind up. The model does
+/// not wind up either, at limits of the output or if the plant is held: its rate and value follow
+/// the readings.
 ///
 /// The default has no gains: its output is 0.
 #[derive(Clone, Debug, Default)]
@@ -109,24 +108,24 @@ pub struct Surface<T: Scalar> {
 }
 
 state! {
-    /// What a [`Surface`] remembers.
+    /// The memory of a [`Surface`].
     pub struct SurfaceState {
         /// The output of the last sample has been sent.
         is_sent: bool,
-        /// There has been a reading.
+        /// A reading has come.
         is_known: bool,
-        /// The actuator by its model, its speed in output per sample, and the position behind its
+        /// The actuator's model: position, speed in output per sample, and position behind the
         /// play.
         actuator: T,
         speed: T,
         position: T,
-        /// What was sent to the actuator last.
+        /// Last output sent to the actuator.
         sent: T,
         /// Output of the last sample.
         output: T,
         disturbance: T,
-        /// Targets of the actuator over the samples that follow each of the newest by the output's
-        /// effect, the newest first.
+        /// Targets of the actuator in the newest samples, each delayed by the output's effect, the
+        /// newest first.
         targets: [T; HISTORY],
         rate: Track<T>,
         value: Track<T>,
@@ -134,7 +133,7 @@ state! {
 }
 
 state! {
-    /// A number and its changes in the newest samples, the newest first; nothing before the first
+    /// A number and its changes in the newest samples, the newest first; zeros before the first
     /// reading.
     struct Track {
         now: T,
@@ -149,8 +148,8 @@ impl<T: Scalar> SurfaceState<T> {
     }
 }
 
-/// Position of the actuator with the disturbance, and what they do to rate and value over some
-/// samples: the sum of the positions, and the sum of those sums.
+/// Position of the actuator with the disturbance. Its sum over samples moves the rate, and the sum
+/// of the sums moves the value.
 struct Path<T> {
     position: T,
     sum: T,
@@ -167,7 +166,7 @@ impl<T: Scalar> Law<T> for Surface<T> {
         })
     }
 
-    // A function of its own, so that it does not cost the caller its registers.
+    // A function of its own, which spares the caller's registers.
     #[inline(never)]
     fn update(
         &self,
@@ -203,7 +202,7 @@ impl<T: Scalar> Law<T> for Surface<T> {
 }
 
 impl<T: Scalar> Surface<T> {
-    /// The model over the sample that has passed.
+    /// The model over the last sample.
     fn advance(&self, state: &mut SurfaceState<T>) {
         let before = state.sent;
         if state.is_sent {
@@ -224,8 +223,8 @@ impl<T: Scalar> Surface<T> {
         state.value.turn(way);
     }
 
-    /// The actuator's target over the sample `ahead` of the one that has passed: until the newest
-    /// of the outputs takes effect, the one before counts.
+    /// The actuator's target over the sample `ahead` of the last one. Until the newest output takes
+    /// effect, the output before counts.
     fn target(&self, state: &SurfaceState<T>, ahead: u8) -> T {
         let older = usize::from(self.c.effect).checked_sub(usize::from(ahead));
         let target = older.and_then(|older| state.targets.get(older));
@@ -247,7 +246,7 @@ impl<T: Scalar> Surface<T> {
         state.value.now = state.value.now + innovation.times(self.c.value_share);
     }
 
-    /// The first reading: the rate has been what it is, and the value has followed it.
+    /// The first reading: the rate counts as constant up to now, and the value has followed it.
     #[cold]
     fn begin(&self, state: &mut SurfaceState<T>, reading: &Reading<T>) {
         state.is_known = true;
@@ -264,8 +263,8 @@ impl<T: Scalar> Surface<T> {
         };
     }
 
-    /// The actuator's path with what has been sent until the surface is looked at: sample by sample
-    /// to the output's effect, and in one step from there, where the target is the same.
+    /// The actuator's path with the outputs sent, up to the evaluation of the surface: sample by
+    /// sample to the output's effect, and from there in one step, with a constant target.
     fn path(&self, state: &SurfaceState<T>) -> Path<T> {
         let c = &self.c;
         let (mut actuator, mut speed) = (state.actuator, state.speed);
@@ -318,7 +317,7 @@ impl<T: Scalar> Track<T> {
         push(&mut self.changes, change);
     }
 
-    /// What it was so many samples ago, up to the oldest.
+    /// The value some samples ago, up to the oldest.
     fn past(&self, samples: T) -> T {
         let (whole, rest) = samples.split();
         let [a, b, c] = self.changes;
@@ -332,7 +331,7 @@ impl<T: Scalar> Track<T> {
 }
 
 impl<T: Scalar> Path<T> {
-    /// The position becomes another. What it was in the mean.
+    /// Changes the position and returns its mean.
     #[inline]
     fn turn(&mut self, position: T) -> T {
         let mean = self.position + (position - self.position).half();
@@ -341,7 +340,7 @@ impl<T: Scalar> Path<T> {
     }
 }
 
-/// A newer one; the oldest is forgotten.
+/// Adds a newest value and drops the oldest.
 fn push<T: Scalar>(history: &mut [T; HISTORY], newest: T) {
     let [a, b, _] = *history;
     *history = [newest, a, b];

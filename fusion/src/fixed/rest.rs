@@ -81,7 +81,7 @@ pub(super) struct RestState {
     sums: [i32; 6],
     /// Still blocks in a row whose rate is too large for an offset, up to `needed`.
     refused: u32,
-    /// Still blocks still missing for a rest.
+    /// Still blocks missing for a rest.
     missing: u32,
     /// Number of last blocks of a rest that teach the offset; 0 for a known offset.
     early: u32,
@@ -101,7 +101,7 @@ struct Axis {
     /// Mean over the newest block, counts. The offset learns from it if the next block is still
     /// too: a motion may have begun in it.
     newest: Q9,
-    /// Offset of the axis, counts; below 1 before the first rest.
+    /// Offset of the axis, counts; partly learned until the first rest is complete.
     offset: Q16,
 }
 
@@ -220,7 +220,7 @@ impl Rest {
         }
     }
 
-    /// Renews the rest and the share of the next block after a block that was `still` or not.
+    /// Decides on the rest, and on the share of the next block in the offset.
     fn decide(&self, state: &mut RestState, bias: &mut [Q9; 3]) {
         let learns = state.missing <= state.early;
         let (moved, is_fast) = (state.moved != 0, state.is_fast != 0);

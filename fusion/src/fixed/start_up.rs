@@ -216,7 +216,7 @@ impl Schedule {
         state.blocks > self.start_up_blocks
     }
 
-    /// A limit for accelerations that the next gains may bring; it holds from now on.
+    /// Limits accelerations from now on, as the next gains may require.
     #[inline(always)]
     pub(super) fn limit_acc(&self, gains: &mut Gains) {
         gains.acc_limit = self.acc_limit;

@@ -120,8 +120,8 @@ fn output_stays_in_its_limits_and_its_slew() {
     assert_eq!(pid.state.output(), -0.5);
 }
 
-/// Push against the limit for 5 s, then ask for the opposite: samples until the output has left the
-/// limit.
+/// Pushes against the limit for 5 s, then wants the opposite. Gives the samples until the output
+/// leaves the limit.
 fn samples_to_turn_back(anti_windup: AntiWindup) -> usize {
     let mut pid = pid(Config {
         limit: -1.0..=1.0,
@@ -360,7 +360,7 @@ proptest! {
             prop_assert!((output - last).abs() <= config.slew_per_s * PERIOD * 1.0001 + 1e-6);
             last = output;
         }
-        // And it is not lost: with the error gone and no integral, it comes back.
+        // It recovers: without error and integral, the output returns.
         for _ in 0..10_000 {
             last = pid.update(0.0, 0.0, 0.0);
         }
@@ -377,8 +377,8 @@ proptest! {
         for (setpoint, measured, rate) in inputs {
             let a = float.update(setpoint, measured, rate);
             let b = fixed.update(setpoint.into(), measured.into(), rate.into());
-            // kd over a sample of 0.01 s magnifies the last bit of the inputs up to 50 times, for
-            // each sample in the filter.
+            // For each sample in the filter, kd over 0.01 s magnifies the last bit of the inputs up
+            // to 50 times.
             prop_assert!((a - f32::from(b)).abs() < 0.03, "{a} {}", f32::from(b));
         }
     }

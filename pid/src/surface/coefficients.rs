@@ -1,11 +1,11 @@
-//! What the configuration of a surface becomes for its samples.
+//! The configuration of a surface as factors of a sample.
 
 use super::{HISTORY, SurfaceConfig};
 use crate::config::{ConfigError, LARGEST, PERIOD_S, in_range};
 use crate::scalar::Scalar;
 
-/// Where straight lines touch `x^(2/3)`, each twice as far as the one before, and that power there,
-/// which would take the chip longer than it has between two samples.
+/// Points where straight lines touch `x^(2/3)`, each twice as far as the last, and the power there.
+/// A table, because the chip has no time for powers between two samples.
 const TOUCHES: [(f32, f32); 6] = [
     (0.02, 0.073_680_63),
     (0.04, 0.116_960_704),
@@ -18,13 +18,13 @@ const TOUCHES: [(f32, f32); 6] = [
 /// Longest sample period, s.
 const MOST_PERIOD_S: f32 = 0.1;
 
-/// Longest way ahead of an output's effect, s: with three sample periods below a second.
+/// Longest time ahead of an output's effect, s: with three sample periods below a second.
 const MOST_AHEAD_S: f32 = 0.6;
 
 /// Largest change of the disturbance per innovation of the rate.
 const MOST_TRIM: f32 = 0.999;
 
-/// What a sample multiplies by.
+/// The factors of a sample.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Coefficients<T: Scalar> {
     /// s; below 1.
@@ -34,9 +34,9 @@ pub(super) struct Coefficients<T: Scalar> {
     /// Samples from one to its output's effect: whole ones, and the rest.
     pub(super) effect: u8,
     pub(super) effect_rest: T::Share,
-    /// Samples from the whole ones to where the surface is looked at.
+    /// Samples from the whole ones to the evaluation of the surface.
     pub(super) rest: T,
-    /// From a sample to where the surface is looked at, s; below 1.
+    /// From a sample to the evaluation of the surface, s; below 1.
     pub(super) horizon: T::Share,
     /// In samples.
     pub(super) sensor_lag: T,
@@ -51,7 +51,7 @@ pub(super) struct Coefficients<T: Scalar> {
     pub(super) near_until: T,
     /// The tangents of the braking curve.
     pub(super) tangents: [Tangent<T>; TOUCHES.len()],
-    /// Time of the way back per position, and `gain / 2 S`; `gain / 3 S` is this share of it.
+    /// Return time per position, and `gain / 2 S`, and the share of it that is `gain / 3 S`.
     pub(super) return_s: T,
     pub(super) return_gain: T,
     pub(super) way_share: T::Share,
@@ -65,7 +65,7 @@ pub(super) struct Coefficients<T: Scalar> {
 /// The actuator's coefficients for steps of one length.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Steps<T: Scalar> {
-    /// Share of the error that the actuator asks for in a step, and the most that it moves.
+    /// Share of the error for a step's wanted speed, and the largest movement.
     pub(super) loop_gain: T::Share,
     pub(super) most: T,
     /// Share of the way to the asked speed that it goes in a step.
@@ -75,9 +75,9 @@ pub(super) struct Steps<T: Scalar> {
 /// A tangent of the braking curve.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tangent<T> {
-    /// Up to where it is the lowest of those that lie farther away.
+    /// End of the range in which it is lower than the next tangents.
     pub(super) until: T,
-    /// What it is at 0, and its slope.
+    /// Its value at 0, and its slope.
     pub(super) at_zero: T,
     pub(super) slope: T,
 }
@@ -89,7 +89,7 @@ impl<T: Scalar> Coefficients<T> {
         in_range(config.plant_gain, 1e-3, LARGEST, "plant_gain")?;
         in_range(config.actuator_rate, 1e-3, LARGEST, "actuator_rate")?;
         let most_effect = HISTORY as f32 * period * 0.999;
-        // A table, because a call for each would take ten times the flash.
+        // A table, because calls would take ten times the flash.
         for (value, most, name) in [
             (config.effect_s, most_effect, "effect_s"),
             (config.sensor_lag_s, 1.0, "sensor_lag_s"),
@@ -151,7 +151,7 @@ impl<T: Scalar> Coefficients<T> {
         position.clamped(actuator - self.play, actuator + self.play)
     }
 
-    /// The rate at which the value should approach from `x`, with its sign turned.
+    /// The wanted rate of approach from `x`, with its sign turned.
     pub(super) fn surface(&self, x: T) -> T {
         let size = if x < T::ZERO { -x } else { x };
         let rate = if size < self.near_until {
@@ -167,7 +167,7 @@ impl<T: Scalar> Coefficients<T> {
 }
 
 impl<T: Scalar> Steps<T> {
-    /// Of the actuator, by the length of a step and of the period that its speed is for, s.
+    /// The actuator's coefficients from the length of a step and the period of its speed, s.
     pub(super) fn new(config: &SurfaceConfig, step_s: f32) -> Self {
         Self {
             loop_gain: (step_s / config.actuator_loop_s.max(step_s).max(1e-6)).into(),
@@ -188,8 +188,9 @@ impl<T: Scalar> Steps<T> {
 }
 
 impl Tangent<f32> {
-    /// Of a curve along `x^(2/3)` at `touch`, where it is `rate`: `rate (1/3 + 2/3 x / touch)`. It
-    /// meets the one at twice as far where `x / touch` is `(c - 1) / (2 - c)` with `c = 2^(2/3)`.
+    /// The tangent of a curve along `x^(2/3)` at `touch`, where the curve is `rate`:
+    /// `rate (1/3 + 2/3 x / touch)`. It meets the tangent at twice the distance at
+    /// `x / touch = (c - 1) / (2 - c)` with `c = 2^(2/3)`.
     fn new(touch: f32, rate: f32) -> Self {
         const MEETING: f32 = 1.423_661;
         let at_zero = rate / 3.0;
@@ -201,8 +202,8 @@ impl Tangent<f32> {
     }
 }
 
-/// Where a line of this slope through zero meets the lowest of the tangents: the nearest of where
-/// it meets each.
+/// The point where a line of this slope through zero meets the lowest tangent: its nearest
+/// intersection with a tangent.
 fn meeting(tangents: &[Tangent<f32>], slope: f32) -> f32 {
     let steeper = tangents.iter().filter(|tangent| slope > tangent.slope);
     steeper
@@ -210,9 +211,8 @@ fn meeting(tangents: &[Tangent<f32>], slope: f32) -> f32 {
         .fold(LARGEST, f32::min)
 }
 
-/// The cube root of a positive number, by Newton's method: without a root the chip has none. A
-/// third of the bits is a third of the exponent, and with this to restore its offset it is at most
-/// 4 % off, which two steps make 1e-5 and a third the scalar's resolution.
+/// The cube root of a positive number, by Newton's method. A third of the bits, with the exponent's
+/// offset restored, is at most 4 % off. Two steps reach 1e-5, and a third the scalar's resolution.
 fn cube_root(number: f32) -> f32 {
     const OFFSET: u32 = 0x2a51_37a0;
     let mut root = f32::from_bits(number.to_bits() / 3 + OFFSET);

@@ -36,7 +36,7 @@ fn config() -> SurfaceConfig {
 }
 
 /// Flies `value'' = 31.6 (actuator + push)` from `start` for three seconds: the values, sample by
-/// sample. The servo takes a new target every third sample, 8 ms after it.
+/// sample. The servo takes a new target 8 ms after every third sample.
 fn fly<T: Scalar>(config: &SurfaceConfig, start: f64, push: f64) -> Vec<f64> {
     const FINE: i32 = 100;
     let dt = PERIOD / f64::from(FINE);
@@ -92,8 +92,8 @@ fn arrives_in_little_more_than_the_shortest_time_there_is() {
     }
 }
 
-/// With these gains it swings about the setpoint for ever, as the servo takes a target only now and
-/// then.
+/// With these gains the value swings about the setpoint for ever, because the servo takes a target
+/// only now and then.
 #[test]
 fn holds_against_a_steady_push() {
     let path = fly::<f32>(&config(), 0.2, 0.08);
@@ -116,9 +116,9 @@ fn fixed_point_flies_as_float_does() {
     }
 }
 
-/// By hand: an actuator that follows at once, at 0.5, with rate -1 and nothing ahead: back at
-/// zero after 0.1 s, with 31.6 * 0.25 / 10 added to the rate and -0.1 + 31.6 * 0.125 / 75 to
-/// the value.
+/// By hand: an actuator that follows at once, at 0.5, with rate -1 and nothing ahead. It is back at
+/// zero after 0.1 s, with 31.6 * 0.25 / 10 added to the rate and -0.1 + 31.6 * 0.125 / 75 to the
+/// value.
 #[test]
 fn the_surface_is_where_the_actuator_is_back_at_zero() {
     let config = SurfaceConfig {
@@ -168,7 +168,7 @@ fn six_lines_stand_for_the_curve() {
     }
 }
 
-/// Near the setpoint the line counts, from where it meets the lines of the curve on those.
+/// Near the setpoint the straight line counts, and beyond its intersection the tangents.
 #[test]
 fn the_least_of_line_and_curve_counts() {
     for near_per_s in [3.0, 8.0, 15.0, 40.0] {
@@ -201,7 +201,7 @@ fn a_target_takes_effect_between_two_samples() {
     assert_eq!(law.law.target(&law.state, 2), 4.0);
 }
 
-/// The reading is a sample and a half old and says what the model had then: nothing changes.
+/// The reading is a sample and a half old and equals the model's value then: nothing changes.
 #[test]
 fn an_old_reading_is_compared_with_the_past() {
     let mut law = Controller::<f32, Surface<f32>>::new(&config()).unwrap();
@@ -317,8 +317,8 @@ fn other_gains_come_without_a_bump_and_impossible_ones_are_refused_by_name() {
     assert_eq!((law.state.actuator, law.state.disturbance()), (0.0, 0.0));
 }
 
-/// A vehicle that is held does not answer its rudder: the trim stays within its limit, and once
-/// it is let go the flight is that of a fresh law but for the trim.
+/// A held vehicle does not answer its rudder: the trim stays within its limit. After the release,
+/// the flight differs from a fresh law's by the trim only.
 #[test]
 fn a_plant_that_is_held_does_not_wind_it_up() {
     let mut law = Controller::<f32, Surface<f32>>::new(&config()).unwrap();
