@@ -1,7 +1,7 @@
 //! The driver over an [`embedded_hal_async`] bus.
 //!
-//! A future that is dropped in the middle of a transfer leaves that transfer without an outcome:
-//! the driver asks for the same one again, or judges the chip by its next burst.
+//! A future dropped in the middle of a transfer leaves the transfer without an outcome: the driver
+//! asks for it again, or judges the chip by its next burst.
 
 use crate::front::front_end;
 

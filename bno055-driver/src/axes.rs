@@ -12,7 +12,7 @@ pub enum Axis {
     Z = 2,
 }
 
-/// Which of the chip's axes, and which way, an output axis shows.
+/// The chip's axis, and its sense, that an output axis shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Signed {
     /// The chip's axis.
@@ -35,12 +35,12 @@ impl Signed {
     }
 }
 
-/// Why three axes make no axis map.
+/// The reason why three axes make no axis map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AxisMapError {
     /// Two outputs show the same axis: the chip would silently ignore the map.
     Repeated,
-    /// The map turns a right-handed frame into a left-handed one, in which rates have the wrong
+    /// The map turns a right-handed frame into a left-handed frame, in which rates have the wrong
     /// sign.
     Mirrored,
 }

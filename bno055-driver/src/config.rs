@@ -1,4 +1,4 @@
-//! Everything that the chip can be set to: modes, ranges, bandwidths, units, axis map, power.
+//! Settings of the chip: modes, ranges, bandwidths, units, axis map, power.
 
 use core::num::NonZeroU8;
 
@@ -30,7 +30,7 @@ impl Address {
         self as u8
     }
 
-    /// The other one.
+    /// The other address.
     pub const fn other(self) -> Self {
         match self {
             Self::Low => Self::High,
@@ -41,8 +41,7 @@ impl Address {
 
 /// Whether the driver may reset the chip by command.
 ///
-/// Some parts never answer again after a soft reset until their power is cycled, so that the
-/// default is never.
+/// After a soft reset, some parts never answer until their power is cycled. The default is never.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ResetPolicy {
     /// Rewrite every register instead.
@@ -57,8 +56,8 @@ pub enum ResetPolicy {
 pub struct Config {
     /// I2C address.
     pub address: Address,
-    /// Whether the other address is tried in turn while nobody answers: only where no second
-    /// BNO055 is on the bus.
+    /// Whether the driver tries the other address in turn while nobody answers. Only for a bus
+    /// without a second BNO055.
     pub either_address: bool,
     /// Operating mode.
     pub mode: Mode,
@@ -79,7 +78,7 @@ pub struct Config {
     /// Whether the chip may be reset.
     pub reset: ResetPolicy,
     /// Whether a magnetometer that does not identify itself, fails its self-test or measures
-    /// nothing is a fault. Where it is none, its field reads zero.
+    /// nothing is a fault. Otherwise its field reads zero.
     pub needs_mag: bool,
 }
 
@@ -106,7 +105,7 @@ impl Config {
         needs_mag: true,
     };
 
-    /// What a control loop has to know of a chip that is set so.
+    /// The description of a chip with these settings, for a control loop.
     pub const fn description(&self) -> Description {
         let first_hz = self.sensors.gyr_bandwidth.hz();
         Description {
@@ -116,7 +115,7 @@ impl Config {
             gyr_range: self.gyr_range_counts(),
             burst_bytes: sample::burst(self.mode).answer_len() as u32,
             rates_at: sample::rates_at(self.mode),
-            // As users have measured it.
+            // As measured by users.
             stretch_us: 180,
         }
     }

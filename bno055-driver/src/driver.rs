@@ -1,4 +1,4 @@
-//! The driver: which transfer comes next, and what follows from its outcome.
+//! The driver: the next transfer, and the consequences of its outcome.
 
 mod sampling;
 
@@ -15,8 +15,8 @@ use tvc_imu::{
     Bursts, BusError, Imu, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer,
 };
 
-/// When no burst has brought anything for so long, the chip is set up anew. What is shorter is a
-/// glitch of the cable, which does not reset the chip: the mode is verified, and sampling goes on.
+/// Longest time without a good transfer before the driver sets the chip up anew. A shorter glitch
+/// of the cable does not reset the chip: the driver verifies the mode, and sampling goes on.
 pub const GLITCH_US: u64 = 60_000;
 
 #[derive(Clone, Debug)]
@@ -28,12 +28,12 @@ enum Phase {
 
 /// A BNO055, without its bus.
 ///
-/// The owner of the bus asks [`next`](Imu::next) what to do, does it, and reports to
-/// [`complete`](Imu::complete), one transfer at a time. Once that says [`Next::Sample`], a timer
-/// of the owner's may start the same [`burst`](Self::burst) at every tick, whose outcome goes to
-/// [`sample`](Imu::sample); after each, `next` has at most one short verification to do (two if a
-/// register read wrong). The driver brings the chip up, judges every sample, notices when the chip
-/// resets itself or loses its settings, and then sets it up again, as often as it takes.
+/// The owner of the bus asks [`next`](Imu::next) for a task, does it, and reports to
+/// [`complete`](Imu::complete), one transfer at a time. After [`Next::Sample`], a timer of the
+/// owner may start the same [`burst`](Self::burst) at every tick, and its outcome goes to
+/// [`sample`](Imu::sample). After each burst, `next` has at most one short verification, or two if
+/// a register read wrong. The driver judges every sample. It sets the chip up again, as often as it
+/// takes, after a reset or a lost setting.
 #[derive(Clone, Debug)]
 pub struct Driver {
     config: Config,
@@ -47,7 +47,7 @@ pub struct Driver {
 }
 
 impl Driver {
-    /// A driver that will set the chip up as `config` says.
+    /// A driver that sets the chip up by `config`.
     pub fn new(config: Config) -> Self {
         Self {
             config,
@@ -66,9 +66,9 @@ impl Driver {
         sample::burst(self.config.mode)
     }
 
-    /// A burst that reads the angular rates alone, 6 bytes, for owners to whom a whole one takes
-    /// too long now and then. It takes the place of [`burst`](Self::burst) where the newest sample
-    /// was good, and is judged with the other words of that.
+    /// A burst that reads the angular rates alone, 6 bytes, for owners that now and then have no
+    /// time for a whole burst. It can replace [`burst`](Self::burst) after a good sample, whose
+    /// other words complete it.
     pub fn rates_burst(&self) -> Option<Transfer> {
         match &self.phase {
             Phase::Sampling(sampling) if sampling.inspector.has_good() => {
@@ -80,7 +80,7 @@ impl Driver {
 
     /// The burst that reads all fusion outputs, in fusion modes: 26 bytes.
     ///
-    /// Use it as [`burst`](Self::burst) is used, with [`fusion`](Self::fusion) for its outcome.
+    /// Use it like [`burst`](Self::burst), with [`fusion`](Self::fusion) for its outcome.
     pub fn fusion_burst(&self) -> Transfer {
         fusion::BURST
     }
@@ -88,8 +88,8 @@ impl Driver {
     /// Takes the outcome of a burst of fusion outputs that started at `time`.
     ///
     /// # Errors
-    /// The fault for which the data are not to be used, as for [`sample`](Imu::sample). Frozen
-    /// data, however, are found by `sample` only.
+    /// The fault that makes the data unusable, as for [`sample`](Imu::sample). Only `sample` finds
+    /// frozen data.
     pub fn fusion(
         &mut self,
         time: Micros,
@@ -115,8 +115,8 @@ impl Driver {
         self.resume();
     }
 
-    /// Asks the chip something; [`answer`](Self::answer) has the answer once it has come. A newer
-    /// request replaces an older one, and a suspended chip is resumed.
+    /// Asks the chip; [`answer`](Self::answer) has the answer once it has come. A newer request
+    /// replaces an older request, and a suspended chip resumes.
     pub fn request(&mut self, request: Request) {
         self.cancel();
         self.request = Some(request);
@@ -149,7 +149,7 @@ impl Driver {
         self.answer.take()
     }
 
-    /// Puts the chip into its suspend mode, in which it measures nothing; drops a request.
+    /// Puts the chip into its suspend mode, without measurements; drops a request.
     pub fn suspend(&mut self) {
         self.request = None;
         self.phase = Phase::Startup(Startup::new(Goal::Suspended, None));
@@ -162,8 +162,8 @@ impl Driver {
         self.fault = Some(SensorFault::Booting);
     }
 
-    /// Why there are no good samples at the moment: the first cause, until the chip samples again
-    /// or turns out to have a worse one.
+    /// The present reason for missing samples: the first cause, until the chip samples again or has
+    /// a worse cause.
     pub fn fault(&self) -> Option<SensorFault> {
         self.fault
     }
@@ -178,12 +178,12 @@ impl Driver {
         &self.identity
     }
 
-    /// The settings; the address is the one that was tried last.
+    /// The settings, with the address tried last.
     pub fn config(&self) -> &Config {
         &self.config
     }
 
-    /// The sample in the outcome of a burst, and what that says of the chip.
+    /// The sample in the outcome of a burst, and its evidence on the chip.
     fn judge(
         &mut self,
         time: Micros,
@@ -193,7 +193,7 @@ impl Driver {
             return Err(self.cause());
         };
         let behind_failure = sampling.silent_since.is_some();
-        // Rates of -1 on all axes come every few seconds at rest, but not behind a lost burst.
+        // Rates of -1 on all axes come every few seconds at rest, but not after a lost burst.
         let chance = if behind_failure {
             0
         } else {
@@ -327,7 +327,7 @@ impl Driver {
         Err(fault)
     }
 
-    /// Draws the conclusions from a burst that brought nothing.
+    /// Draws the conclusions from a failed burst.
     fn no_data<T>(&mut self, time: Micros, fault: SensorFault) -> Result<T, SensorFault> {
         if let Phase::Sampling(sampling) = &mut self.phase {
             sampling.due = true;
@@ -336,8 +336,8 @@ impl Driver {
         Err(fault)
     }
 
-    /// Notes a lost transfer. It proves nothing, but the next verification reads the mode first,
-    /// because the chip may have reset; only a chip that stays silent is set up anew.
+    /// Notes a lost transfer. The chip may have reset, so the next verification reads the mode
+    /// first. Only a chip that stays silent is set up anew.
     fn bus_error(&mut self, now: Micros, fault: SensorFault) {
         self.health.count(fault);
         self.fault = Some(fault);
@@ -353,7 +353,7 @@ impl Driver {
         }
     }
 
-    /// Sets the chip up anew; `fault` is reported until it samples again.
+    /// Sets the chip up anew, and reports `fault` until it samples again.
     fn restart(&mut self, now: Micros, fault: SensorFault) {
         if fault == SensorFault::Reset {
             self.health.resets = self.health.resets.wrapping_add(1);
@@ -407,7 +407,7 @@ impl Imu for Driver {
             Phase::Sampling(sampling) => match sampling.outstanding.take() {
                 Some(Errand::Verify) => self.verified(now, outcome),
                 Some(Errand::Ask(asked)) => match outcome.map(|bytes| asked.decode(bytes)) {
-                    // The owner may have asked for something else, or for nothing, meanwhile.
+                    // The owner may have replaced or dropped the request meanwhile.
                     Ok(Some(_)) if self.request != Some(asked) => {}
                     Ok(Some(answer)) => self.answered(answer),
                     Ok(None) => self.bus_error(now, SensorFault::Protocol),
@@ -441,7 +441,7 @@ impl Imu for Driver {
     }
 
     fn overdue(&mut self, time: Micros, outcome: Result<&[u8], BusError>) {
-        // What it says of the chip's health has been counted.
+        // The counters have its evidence already.
         let _ = self.judge(time, outcome);
     }
 
@@ -459,8 +459,8 @@ impl Imu for Driver {
     }
 }
 
-/// The bytes of an answer. One that is all ones, and longer than the `chance` bytes that a sensor
-/// at rest may have so, is none: nobody drove the data line.
+/// The bytes of an answer. All ones, in more than the `chance` bytes of a sensor at rest, are no
+/// answer: nobody drove the data line.
 fn received(outcome: Result<&[u8], BusError>, chance: usize) -> Result<&[u8], SensorFault> {
     match outcome {
         Ok(bytes) if bytes.len() > chance && bytes.iter().all(|byte| *byte == 0xFF) => {

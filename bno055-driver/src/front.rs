@@ -1,16 +1,15 @@
-//! The source of both front ends, which differ in nothing but `.await`.
+//! The source of both front ends, which differ by `.await` only.
 
 use tvc_imu::{Micros, Next};
 
-/// How long a front end waits for a chip that comes up or answers: the slowest boot, a crystal, a
-/// self-test and a set-up.
+/// Longest wait of a front end for a chip: the slowest boot, a crystal, a self-test and a set-up.
 pub(crate) const TIMEOUT_US: u64 = 5_000_000;
-/// No wait takes more turns than this, whatever the clock says.
+/// Most turns of a wait, for any clock.
 pub(crate) const TURNS_MAX: u32 = 4_000;
-/// Transfers that [`Next`] may ask for at once: a whole set-up between two of its pauses, and more.
+/// Most transfers without a wait: more than a whole set-up between two of its pauses.
 pub(crate) const BURST_MAX: u32 = 64;
 
-/// Microseconds to wait, or `None` if there is nothing to wait for.
+/// Microseconds to wait, if any.
 pub(crate) fn pause(next: Next, now: Micros) -> Option<u32> {
     match next {
         Next::Wait(until) => Some(until.since(now).min(TIMEOUT_US) as u32),
@@ -48,9 +47,9 @@ macro_rules! front_end {
         /// A BNO055 on a bus.
         ///
         /// `clock` gives the time in microseconds; it stamps the samples and paces the set-up. The
-        /// bus should give up on a transfer by itself, best after
-        /// [`TRANSFER_DEADLINE_US`](crate::TRANSFER_DEADLINE_US): a bus that waits for ever makes
-        /// this wait for ever.
+        /// bus needs a deadline for a transfer, best
+        /// [`TRANSFER_DEADLINE_US`](crate::TRANSFER_DEADLINE_US): a bus that waits for ever blocks
+        /// the driver for ever.
         #[derive(Debug)]
         pub struct Bno055<I2C: I2c, D, C> {
             i2c: I2C,
@@ -61,12 +60,12 @@ macro_rules! front_end {
         }
 
         impl<I2C: I2c, D: DelayNs, C: FnMut() -> Micros> Bno055<I2C, D, C> {
-            /// A driver that will set the chip up as `config` says; nothing happens on the bus yet.
+            /// A driver that will set the chip up by `config`, still without a transfer.
             pub fn new(i2c: I2C, delay: D, clock: C, config: Config) -> Self {
                 Self { i2c, delay, clock, driver: Driver::new(config), bus_error: None }
             }
 
-            /// Waits until the chip samples: about 0.1 s for one that is up, 0.8 s after power-on.
+            /// Waits until the chip samples: about 0.1 s for a running chip, 0.8 s after power-on.
             ///
             /// # Errors
             /// The fault, once it is certain. The next call, or [`sample`](Self::sample), tries
@@ -78,8 +77,8 @@ macro_rules! front_end {
             /// Takes a sample, and verifies one register after it.
             ///
             /// # Errors
-            /// Why there is no good sample. A chip that was lost is set up again in parts, one at
-            /// each call and without waiting: go on calling at your own pace.
+            /// The reason for a missing sample. Each call does one part of the set-up of a lost
+            /// chip, without waiting: go on calling at your own pace.
             pub $($async)? fn sample(&mut self) -> Result<RawSample, SensorFault> {
                 self.errands() $($await)*;
                 let mut buffer = [0; READ_MAX];
@@ -105,7 +104,7 @@ macro_rules! front_end {
             /// Reads the temperature in degrees Celsius.
             ///
             /// # Errors
-            /// Why the chip does not answer.
+            /// The reason for a missing answer.
             pub $($async)? fn temperature(&mut self) -> Result<f32, SensorFault> {
                 let count = the!(Temperature, self.ask(Request::Temperature) $($await)*?)?;
                 Ok(self.driver.config().units.celsius(count))
@@ -114,16 +113,15 @@ macro_rules! front_end {
             /// Reads how far the chip's fusion has calibrated itself.
             ///
             /// # Errors
-            /// Why the chip does not answer.
+            /// The reason for a missing answer.
             pub $($async)? fn calibration_status(&mut self) -> Result<CalibrationStatus, SensorFault> {
                 the!(CalibrationStatus, self.ask(Request::CalibrationStatus) $($await)*?)
             }
 
-            /// Reads what the chip does and, if that is [`SystemStatus::Error`], which error it
-            /// has.
+            /// Reads the status of the chip and, for [`SystemStatus::Error`], the error.
             ///
             /// # Errors
-            /// Why the chip does not answer.
+            /// The reason for a missing answer.
             pub $($async)? fn system_status(&mut self) -> Result<(SystemStatus, SystemError), SensorFault> {
                 match self.ask(Request::SystemStatus) $($await)*? {
                     Answer::SystemStatus(status, error) => Ok((status, error)),
@@ -134,7 +132,7 @@ macro_rules! front_end {
             /// Reads the calibration profile; sampling pauses for about 0.1 s.
             ///
             /// # Errors
-            /// Why the chip does not answer.
+            /// The reason for a missing answer.
             pub $($async)? fn profile(&mut self) -> Result<Profile, SensorFault> {
                 the!(Profile, self.ask(Request::Profile) $($await)*?)
             }
@@ -142,7 +140,7 @@ macro_rules! front_end {
             /// Reads the soft-iron matrix; sampling pauses for about 0.1 s.
             ///
             /// # Errors
-            /// Why the chip does not answer.
+            /// The reason for a missing answer.
             pub $($async)? fn soft_iron(&mut self) -> Result<SoftIron, SensorFault> {
                 the!(SoftIron, self.ask(Request::SoftIron) $($await)*?)
             }
@@ -150,7 +148,7 @@ macro_rules! front_end {
             /// Runs the built-in self-test; sampling pauses for about 0.5 s.
             ///
             /// # Errors
-            /// Why the chip does not answer. A test that fails is an answer.
+            /// The reason for a missing answer. A failed test is an answer.
             pub $($async)? fn self_test(&mut self) -> Result<SelfTest, SensorFault> {
                 the!(SelfTest, self.ask(Request::SelfTest) $($await)*?)
             }
@@ -167,7 +165,7 @@ macro_rules! front_end {
             /// Puts the chip into its suspend mode.
             ///
             /// # Errors
-            /// Why the chip does not answer.
+            /// The reason for a missing answer.
             pub $($async)? fn suspend(&mut self) -> Result<(), SensorFault> {
                 self.driver.suspend();
                 self.drive(Driver::is_suspended) $($await)*
@@ -208,8 +206,8 @@ macro_rules! front_end {
                 }
             }
 
-            /// Does what the driver asks for until it is `finished`, has failed for certain, or
-            /// takes too long.
+            /// Does the driver's tasks until it is `finished`, fails for certain, or takes too
+            /// long.
             $($async)? fn drive(&mut self, finished: impl Fn(&Driver) -> bool) -> Result<(), SensorFault> {
                 let failures = self.driver.health().failed_setups;
                 let begin = (self.clock)();
@@ -233,7 +231,7 @@ macro_rules! front_end {
                 Err(self.driver.fault().unwrap_or(SensorFault::Booting))
             }
 
-            /// Does what the driver asks for as long as that needs no waiting.
+            /// Does the driver's tasks until it needs to wait.
             $($async)? fn errands(&mut self) {
                 for _ in 0..BURST_MAX {
                     let Next::Transfer(transfer) = self.driver.next((self.clock)()) else { break };
@@ -288,7 +286,7 @@ macro_rules! front_end {
                         ErrorKind::ArbitrationLoss => BusError::Arbitration,
                         ErrorKind::Bus => BusError::Stuck,
                         ErrorKind::Overrun => BusError::Protocol,
-                        // Masters have no kind of their own for a transfer that they gave up.
+                        // Masters have no error kind for an abandoned transfer.
                         _ => BusError::Timeout,
                     };
                     self.bus_error = Some(error);

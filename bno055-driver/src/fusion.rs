@@ -1,4 +1,4 @@
-//! What the chip's own fusion gives, in its fusion modes.
+//! Outputs of the chip's own fusion, in its fusion modes.
 
 use crate::config::Units;
 use crate::registers as reg;
@@ -11,25 +11,24 @@ pub(crate) const BURST: Transfer = Transfer::read(reg::EUL_DATA, 26);
 /// One count of a quaternion element.
 pub const QUATERNION_UNIT: f32 = 1.0 / 16_384.0;
 
-/// Square of a unit quaternion's norm in counts, and the band of 5 % either way in the norm,
-/// outside of which it is no attitude but a torn or corrupted one.
+/// Square of a unit quaternion's norm in counts. Beyond 5 % either way in the norm, the words are
+/// torn or corrupted.
 const NORM: core::ops::RangeInclusive<i64> = {
     let one = 1_i64 << 28;
     one * 9025 / 10_000..=one * 11_025 / 10_000
 };
 
-/// More than this many words of -1 among the thirteen are never chance: Euler angles and linear
-/// accelerations hover round zero at rest, six words; the quaternion and gravity have a long axis
-/// each.
+/// Most words of -1 among the thirteen by chance. At rest, Euler angles and linear accelerations
+/// are near zero, six words; the quaternion and gravity have a long axis each.
 const ONES_MAX: usize = 8;
 
-/// One reading of the fusion outputs as the chip gave it.
+/// One reading of the fusion outputs, in counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FusionSample {
     /// Start of its burst.
     pub time: Micros,
-    /// Heading, roll, pitch, counts. Chips in the field have been seen to get these wrong near +-90
-    /// deg of roll or pitch: prefer the quaternion.
+    /// Heading, roll, pitch, counts. Users report wrong angles near +-90 deg of roll or pitch:
+    /// prefer the quaternion.
     pub euler: [i16; 3],
     /// Quaternion w, x, y, z, counts of 2^-14.
     pub quaternion: [i16; 4],
@@ -40,7 +39,7 @@ pub struct FusionSample {
 }
 
 impl FusionSample {
-    /// The sample in a burst, or why it is none.
+    /// The sample in a burst, or its fault.
     pub(crate) fn judge(time: Micros, bytes: &[u8]) -> Result<Self, SensorFault> {
         let bytes: &[u8; 26] = bytes.try_into().map_err(|_| SensorFault::Protocol)?;
         let mut words = [0; 13];

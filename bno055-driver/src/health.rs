@@ -2,12 +2,12 @@
 
 use tvc_imu::{Micros, SensorFault};
 
-/// What has happened since the driver was made; counters wrap.
+/// Counters since the driver was made; they wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Health {
     /// Good samples.
     pub good: u32,
-    /// Bursts whose data differ from the burst before: the rate at which the chip really refreshes.
+    /// Bursts whose data differ from the burst before: they show the chip's refresh rate.
     pub fresh: u32,
     /// Transfers without acknowledge.
     pub nak: u32,
@@ -37,13 +37,13 @@ pub struct Health {
     pub mismatched: u32,
     /// Times the chip was found to have reset itself.
     pub resets: u32,
-    /// Attempts to set the chip up that failed after it had answered.
+    /// Failed attempts to set up a chip that answered.
     pub failed_setups: u32,
     /// Times the chip went into sampling.
     pub starts: u32,
     /// Time of the last good sample.
     pub last_good: Option<Micros>,
-    /// How long the last set-up took, from its beginning to sampling, microseconds.
+    /// Time of the last set-up, from its beginning to sampling, microseconds.
     pub setup_us: u64,
 }
 

@@ -4,8 +4,8 @@ use crate::register_enums::register_enums;
 use crate::status::SystemStatus;
 
 register_enums! {
-    /// Operating mode (data sheet section 3.3); CONFIG is not among them, the driver passes through
-    /// it.
+    /// Operating mode (data sheet section 3.3), without CONFIG, which the driver uses for the
+    /// set-up.
     pub enum Mode {
         /// Accelerometer only.
         AccOnly = 0x1,
@@ -19,7 +19,7 @@ register_enums! {
         AccGyr = 0x5,
         /// Magnetometer and gyroscope.
         MagGyr = 0x6,
-        /// All three sensors, uncompensated, no fusion: for those who run their own filter.
+        /// All three sensors, uncompensated, no fusion: for a filter of your own.
         #[default]
         Amg = 0x7,
         /// Fusion of accelerometer and gyroscope: relative heading.
@@ -40,14 +40,15 @@ register_enums! {
         /// All sensors of the mode run.
         #[default]
         Normal = 0,
-        /// All but the accelerometer sleep after 5 s without motion: their data then stand still.
+        /// After 5 s without motion, all sensors except the accelerometer sleep, and their data
+        /// stand still.
         Low = 1,
     }
 }
 
 impl Mode {
-    /// Whether the chip's own fusion runs: its outputs are then live, and it sets the sensors
-    /// itself (all but the accelerometer's range).
+    /// Whether the chip's own fusion runs. Its outputs are then live, and it sets the sensors
+    /// itself, except the accelerometer's range.
     pub const fn is_fusion(self) -> bool {
         self as u8 >= Self::Imu as u8
     }

@@ -1,13 +1,12 @@
-//! What a driver without the feature `requests` has in place of questions to the chip, calibration
-//! profile and soft-iron matrix: a type that has no value, so that the compiler leaves out all that
-//! would handle one.
+//! Requests without the feature `requests`: a type without values, so that the compiler leaves out
+//! the code for requests, calibration profile and soft-iron matrix.
 
 use crate::config::Sensors;
 use crate::mode::Mode;
 use tvc_imu::Transfer;
 
-/// A question to the chip, its answer, a calibration profile, a soft-iron matrix: there is none
-/// without the feature `requests`.
+/// A request, its answer, a calibration profile or a soft-iron matrix: without the feature
+/// `requests` no such value exists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Absent {}
 

@@ -1,7 +1,7 @@
 //! The chip's own calibration: offsets, radii and soft iron, for its fusion modes.
 //!
-//! In the non-fusion modes the outputs are uncompensated (data sheet section 3.11.4): a host that
-//! runs its own filter calibrates on its own side and needs none of this.
+//! In the non-fusion modes the outputs are uncompensated (data sheet section 3.11.4). A host with
+//! its own filter calibrates them itself and needs no profile.
 
 use core::fmt;
 
@@ -12,11 +12,11 @@ use crate::registers;
 use crate::sensors::Sensors;
 use crate::words;
 
-/// Calibration profile: what fusion has learnt, or is to start from.
+/// Calibration profile: the values that fusion has learned or starts with.
 ///
-/// The chip silently drops values out of range and then refuses to run fusion. Therefore
-/// [`Profile::check`] comes first, and every byte is read back. A chip that calibrates itself
-/// overwrites the profile with time.
+/// The chip silently drops values out of range and then refuses to run fusion. So the driver calls
+/// [`Profile::check`] first and reads every byte back. A chip that calibrates itself overwrites the
+/// profile with time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Profile {
     /// Accelerometer offsets, counts: 1 mg, at most the sensor's range.
@@ -31,12 +31,12 @@ pub struct Profile {
     pub mag_radius: i16,
 }
 
-/// Why stored bytes are no profile, or a profile cannot be written.
+/// The reason why stored bytes are no profile, or why the chip cannot take a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ProfileError {
     /// Too short, or not a profile at all.
     Format,
-    /// Stored by a version that this one does not know.
+    /// Stored by an unknown version.
     Version(u8),
     /// The checksum does not match.
     Checksum,
@@ -137,7 +137,7 @@ impl Profile {
         }
     }
 
-    /// The stored form: a mark, a version, the register block, and a CRC-32 of all of it.
+    /// The stored form: a mark, a version, the register block, and a CRC-32 of these.
     pub fn to_bytes(&self) -> [u8; Self::STORED_LEN] {
         let mut bytes = [0; Self::STORED_LEN];
         let [m0, m1, m2, version, block @ .., _, _, _, _] = &mut bytes;
@@ -174,8 +174,7 @@ const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// Soft-iron matrix, row by row, as the chip holds it (registers 0x43 to 0x54).
 ///
-/// The data sheet gives no scale; chips in the field hold 0x4000 on the diagonal, that is 2^14 for
-/// one.
+/// The data sheet gives no scale. Chips in the field hold 0x4000 on the diagonal, so 2^14 is 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SoftIron(pub [[i16; 3]; 3]);
 

@@ -1,9 +1,9 @@
-//! Enums whose variants stand for the values of a register's field.
+//! Enums for the values of a register's field.
 
 /// Defines enums from the values of fields as the data sheet lists them.
 ///
-/// The first form is for fields that the driver writes: a variant is its value. The second, with
-/// `_ => Unknown`, is for fields that the chip reports: it takes every value.
+/// The first form is for fields that the driver writes: a variant is its value. The second form,
+/// with `_ => Unknown`, takes every value, for fields that the chip reports.
 macro_rules! register_enums {
     ($(
         $(#[$meta:meta])*

@@ -1,4 +1,4 @@
-//! What the chip can be asked besides its samples.
+//! Requests to the chip besides its samples.
 
 use crate::profile::{Profile, SoftIron};
 use crate::registers as reg;
@@ -28,7 +28,7 @@ impl Request {
         matches!(self, Self::Profile | Self::SoftIron | Self::SelfTest)
     }
 
-    /// Whether the chip is to test itself first, which takes its time.
+    /// Whether the chip is to test itself first.
     pub(crate) const fn is_self_test(self) -> bool {
         matches!(self, Self::SelfTest)
     }
@@ -71,14 +71,14 @@ impl Request {
     }
 }
 
-/// What the chip answered to the [`Request`] of the same name.
+/// The chip's answer to the [`Request`] of the same name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// Temperature, counts: see [`Units::celsius`](crate::config::Units::celsius).
     Temperature(i8),
     /// Calibration status.
     CalibrationStatus(CalibrationStatus),
-    /// System status, and the error that it means if it is one.
+    /// System status, and the error if the status is one.
     SystemStatus(SystemStatus, SystemError),
     /// Calibration profile.
     Profile(Profile),

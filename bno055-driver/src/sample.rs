@@ -1,4 +1,4 @@
-//! The sampling burst: what it reads, and what it gives.
+//! The sampling burst: its registers and its words.
 
 mod judge;
 mod still;
@@ -56,8 +56,8 @@ pub(crate) const fn rates_at(mode: Mode) -> u32 {
     (registers::GYR_DATA - first) as u32
 }
 
-/// Accelerometer, magnetometer and gyroscope words of a burst. In whole machine words, by which
-/// small cores copy faster.
+/// Accelerometer, magnetometer and gyroscope words of a burst, in whole machine words: small cores
+/// copy words faster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(align(4))]
 struct Words([[i16; 3]; 3]);

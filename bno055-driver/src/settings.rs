@@ -1,4 +1,4 @@
-//! The registers of a set-up: what to write, in which order, and which bits must read as written.
+//! The registers of a set-up: values, order, and the bits that must read as written.
 
 use crate::config::Config;
 use crate::registers as reg;
@@ -43,7 +43,7 @@ impl Setting {
         }
     }
 
-    /// The transfer that writes it; for what is only read, the one that reads.
+    /// The transfer that writes the setting, or reads a setting that is only read.
     pub(crate) fn write(self, config: &Config) -> Transfer {
         match self {
             Self::Power => Transfer::write(reg::PWR_MODE, [config.power as u8]),
@@ -63,7 +63,7 @@ impl Setting {
         }
     }
 
-    /// The transfer that reads it back.
+    /// The transfer that reads the setting back.
     pub(crate) fn read(self, config: &Config) -> Transfer {
         match self.write(config) {
             Transfer::Write { register, bytes } => Transfer::read(register, bytes.len() as u8),
@@ -78,7 +78,7 @@ impl Setting {
             (Self::Units, _) => 0x97,
             (Self::Axes, 0) => 0x3F,
             (Self::Axes, _) => 0x07,
-            // In fusion modes the chip sets all but the accelerometer's range.
+            // In fusion modes the chip sets everything except the accelerometer's range.
             (Self::Sensors, 0) if config.mode.is_fusion() => 0x03,
             (Self::Sensors, _) if config.mode.is_fusion() => 0x00,
             (Self::Sensors, 1) => 0x7F,

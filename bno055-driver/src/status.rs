@@ -1,4 +1,4 @@
-//! What the chip reports about itself.
+//! Status and identity of the chip.
 
 use core::fmt;
 
@@ -54,7 +54,7 @@ register_enums! {
 }
 
 impl SystemStatus {
-    /// Whether the chip is on its way to being ready.
+    /// Whether the chip is becoming ready.
     pub const fn is_starting(self) -> bool {
         // Peripherals, system, self-test.
         matches!(self.code(), 2..=4)
@@ -80,7 +80,7 @@ impl fmt::Display for SystemError {
     }
 }
 
-/// What identifies the chip.
+/// Identity of the chip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Identity {
     /// Firmware revision, as 0x0311 for 3.11.
@@ -129,8 +129,8 @@ impl SelfTest {
 
 /// How far fusion has calibrated itself (CALIB_STAT): 0 not at all, 3 fully.
 ///
-/// The figures fall during motion, and the system's can be 3 while the magnetometer's is 0: let no
-/// decision depend on the system's alone.
+/// The figures fall during motion. The system's can be 3 while the magnetometer's is 0, so do not
+/// rely on it alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct CalibrationStatus {
     /// The whole.

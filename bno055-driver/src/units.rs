@@ -1,4 +1,4 @@
-//! Units of the chip's outputs, and what one count of each is.
+//! Units of the chip's outputs, and their counts.
 
 use tvc_imu::Scale;
 
@@ -79,7 +79,7 @@ impl Units {
         orientation: Orientation::Windows,
     };
 
-    /// What a count of each sensor is worth.
+    /// Unit of each sensor's count.
     pub const fn scale(&self) -> Scale {
         Scale {
             acc_m_s2: self.acc_m_s2(),

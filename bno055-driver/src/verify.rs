@@ -1,5 +1,5 @@
-//! Verification while sampling: a chip that resets itself comes back with its defaults, so that its
-//! settings are read back again and again.
+//! Verification while sampling. A chip that resets itself has its defaults again, so the driver
+//! reads the settings back over and over.
 
 use crate::config::Config;
 use crate::registers as reg;
@@ -34,14 +34,14 @@ impl Check {
         }
     }
 
-    /// The read that fits between two bursts: one register. Read `again`, the status brings the
-    /// error with it, which stands behind it.
+    /// The read of one register between two bursts. With `again`, a read of the status includes the
+    /// error in the next register.
     pub(crate) const fn transfer(self, again: bool) -> Transfer {
         let two = again && matches!(self, Self::System);
         Transfer::read(self as u8, if two { 2 } else { 1 })
     }
 
-    /// What is wrong with the answer, if anything is.
+    /// The fault in the answer, if any.
     pub(crate) fn judge(self, bytes: &[u8], config: &Config) -> Result<(), SensorFault> {
         // None of these registers is ever 0xFF.
         if bytes.first() == Some(&0xFF) {

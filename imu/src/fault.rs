@@ -24,14 +24,14 @@ pub enum SensorFault {
     Protocol,
     /// The identification is another chip's.
     WrongChip {
-        /// What it read.
+        /// The value read.
         found: u8,
     },
     /// The chip answers, but one of its sensors does not identify itself.
     DeadSensor {
         /// 1 accelerometer, 2 magnetometer, 3 gyroscope.
         sensor: u8,
-        /// What it read.
+        /// The value read.
         found: u8,
     },
     /// The power-on self-test failed.
@@ -48,7 +48,7 @@ pub enum SensorFault {
     Configuration {
         /// The register.
         register: u8,
-        /// What it read.
+        /// The value read.
         found: u8,
     },
     /// The configured calibration profile has a value out of range; it is not written.

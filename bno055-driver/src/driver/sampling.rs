@@ -24,14 +24,13 @@ const UNRELIABLE_MAX: u8 = 9;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sampling {
     pub(super) check: Check,
-    /// A burst has been judged since the last verification, which may follow now.
+    /// A burst has been judged since the last verification, so the next verification may follow.
     pub(super) due: bool,
-    /// The transfer that [`next`](tvc_imu::Imu::next) gave out and that has not been
-    /// completed.
+    /// The transfer from [`next`](tvc_imu::Imu::next) without an outcome yet.
     pub(super) outstanding: Option<Errand>,
     /// A register read wrong once: samples are withheld until it has been read again.
     pub(super) mismatched: bool,
-    /// When the first transfer failed since the last burst that brought something.
+    /// Time of the first failed transfer since the last good burst.
     pub(super) silent_since: Option<Micros>,
     bad_samples: u8,
     unreliable: u8,

@@ -1,4 +1,4 @@
-//! Whether a burst is believed.
+//! The judgement of bursts.
 //!
 //! A burst that breaks one of these rules is refused. No sound burst breaks one:
 //!
@@ -11,17 +11,17 @@
 //! | range | accelerations or rates beyond the sensor's range | sensors clip at their range |
 //! | no field | a field of zero on all axes, where the configuration needs one | the earth has a field |
 //!
-//! Rates that jump are held for one burst: the sample has the rates before, as if the gyroscope
-//! had not been refreshed, and the next burst shows whether the jump was real. A rate of -1 from
-//! afar is held, too, since 0xFFFF is what a data line reads that nobody drives. Behind a transfer
-//! that failed on the bus a smaller jump is held: what disturbed the bus then may go on, and a line
-//! that is pulled low while the sensor sends makes zeros, which no other rule sees.
+//! A jump of the rates is held for one burst: the sample has the rates before, as if the gyroscope
+//! had not been refreshed. The next burst shows whether the jump was real. A rate of -1 from afar
+//! is held too, because a data line that nobody drives reads 0xFFFF. After a transfer that failed
+//! on the bus, smaller jumps are held: the disturbance of the bus may go on. A line pulled low
+//! while the sensor sends makes zeros, which no other rule sees.
 //!
-//! A wrong bit in the midst of a word cannot be told from a motion. Bursts that show what is rare
-//! in a sound one are [suspect](Evidence::Suspect), and the driver sets a chip up anew that gives
-//! several suspect or refused bursts in a short time. A field has no range: a magnet that is carried
-//! past moves it as far as a wrong bit does. But one burst in five refreshes it, so a field that
-//! jumps in two bursts in a row is suspect.
+//! A wrong bit in the midst of a word looks like a motion. Bursts with features that are rare in a
+//! sound burst are [suspect](Evidence::Suspect). After several suspect or refused bursts in a short
+//! time, the driver sets the chip up anew. A field has no range: a passing magnet moves it as far
+//! as a wrong bit. But one burst in five refreshes it, so a field that jumps in two bursts in a row
+//! is suspect.
 
 use super::still::Still;
 use super::{RATES, Words, rates_burst, words};
@@ -30,24 +30,22 @@ use crate::sensors::GyrBandwidth;
 use crate::words as bytes;
 use tvc_imu::{Micros, RawSample, SensorFault};
 
-/// A burst is compared with the last good one only up to this age; after a longer gap anything may
-/// have happened.
+/// Greatest age of a good burst for comparisons: after a longer gap, any change is possible.
 pub const STEP_AGE_US: u64 = 65_000;
 
-/// Shortest time for which words stand still before their sensor counts as dead, us, and the same
-/// at 12 Hz bandwidth. There the gyroscope's noise is one count, and one refresh in 23 has the
-/// rates of the one before.
+/// Shortest standstill of a dead sensor's words, us, and the same at 12 Hz bandwidth. There the
+/// gyroscope's noise is one count, and one refresh in 23 repeats its rates.
 const STILL_US: u32 = 65_000;
 /// See [`STILL_US`].
 const QUIET_STILL_US: u32 = 90_000;
 
-/// Rates that move by more than this from one burst to the next are held: 250 deg/s, about the
-/// same counts in all units. Fast hands change a rate by 300 deg/s within a refresh of 10 ms.
+/// Least jump of a rate that is held: 250 deg/s, about the same counts in all units. Fast hands
+/// change a rate by 300 deg/s within a refresh of 10 ms.
 const RATE_JUMP: u16 = 4_000;
-/// The same behind a transfer that failed: 16 deg/s.
+/// Least jump that is held after a failed transfer: 16 deg/s.
 const DISTURBED_JUMP: u16 = 256;
 
-/// How near a sensor's last good words were to 0 or -1 where such words are what it measured, for
+/// Words of 0 or -1 are plausible if the sensor's last good words were this near to them. For
 /// accelerometer, magnetometer and gyroscope: 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (about the same
 /// counts in all units).
 const NEAR: [u16; 3] = [200, 80, 64];
@@ -59,7 +57,7 @@ const FIELD_JUMP: u16 = 320;
 /// Place of the magnetometer among the sensors of a burst.
 const MAG: usize = 1;
 
-/// The judge of bursts, with what it remembers of those before.
+/// The judge of bursts, with its memory of earlier bursts.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Inspector {
     /// Last burst, good or bad.
@@ -73,7 +71,7 @@ pub(crate) struct Inspector {
     field_jumped: bool,
 }
 
-/// A burst that was believed.
+/// A burst that was accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Judged {
     pub(crate) sample: RawSample,
@@ -82,19 +80,19 @@ pub(crate) struct Judged {
     pub(crate) evidence: Evidence,
 }
 
-/// What a burst that was believed says of the wire.
+/// Evidence of an accepted burst on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Evidence {
     /// Nothing wrong.
     Sound,
-    /// As little as rates alone can say, a third of a burst.
+    /// Rates alone, a third of a burst.
     Little,
-    /// It shows what is rare in a sound burst.
+    /// It has a feature that is rare in a sound burst.
     Suspect,
 }
 
 impl Inspector {
-    /// For bursts of the same chip after another set-up: how often it refreshes is known.
+    /// For the same chip after another set-up: its refresh rate is known.
     pub(crate) fn anew(&self) -> Self {
         Self {
             still: self.still.anew(),
@@ -102,8 +100,7 @@ impl Inspector {
         }
     }
 
-    /// Whether a burst of the rates alone can be judged: the other words are those of a good burst
-    /// before.
+    /// Whether a burst of the rates alone can be judged: a good burst before has the other words.
     pub(crate) fn has_good(&self) -> bool {
         self.good.is_some()
     }
@@ -175,7 +172,7 @@ impl Inspector {
         })
     }
 
-    /// The fault of the first rule that a burst breaks, behind the last `good` one if that is
+    /// The fault of the first rule that a burst breaks, after the last `good` burst if that is
     /// recent.
     fn broken_rule(
         &self,
@@ -196,14 +193,14 @@ impl Inspector {
         out_of_range(config, now).then_some(SensorFault::Implausible)
     }
 
-    /// The words of a burst of the rates alone, with the others of the last good burst.
+    /// The words of a burst of the rates alone, completed by the last good burst.
     fn with_rates(&self, bytes: &[u8]) -> Option<Words> {
         let (_, Words([acc, mag, mut gyr])) = self.good?;
         bytes::decode(&mut gyr, bytes);
         Some(Words([acc, mag, gyr]))
     }
 
-    /// The last good burst, if it is recent enough to be compared with one of `time`.
+    /// The last good burst, if it is recent enough for a comparison at `time`.
     fn recent(&self, time: Micros) -> Option<&Words> {
         let (then, good) = self.good.as_ref()?;
         (time.since(*then) <= STEP_AGE_US).then_some(good)
@@ -225,16 +222,16 @@ fn still_us(config: &Config) -> u32 {
 
 /// Whether the burst may show CONFIG mode, in which all outputs are zero.
 ///
-/// A field of zero may also be a magnetometer that has not yet measured: where acceleration and
-/// rate are both live, they suffice.
+/// A magnetometer that has not measured yet also has a field of zero. Acceleration and rate suffice
+/// if both are live.
 fn all_zero(mode: Mode, Words([acc, mag, gyr]): &Words) -> bool {
     let both = mode.has_acc() && mode.has_gyr();
     *acc == [0; 3] && *gyr == [0; 3] && (both || *mag == [0; 3])
 }
 
-/// Whether the three words of a sensor have all become 0, or all -1, from farther than [`NEAR`]:
-/// nobody drove the data line, or the sensor has died. A magnetometer may measure nothing for a
-/// while. Fusion removes offset and noise, and a rate of zero may stand.
+/// Whether the three words of a sensor have all become 0, or all -1, from farther than [`NEAR`].
+/// Then nobody drove the data line, or the sensor has died. A magnetometer may measure nothing for
+/// a while. Fusion removes offset and noise, so a rate of zero may stand.
 fn vanished(mode: Mode, Words(good): &Words, Words(now): &Words) -> Option<SensorFault> {
     let mut sensors = now.iter().zip(good).zip(NEAR).enumerate();
     sensors.find_map(|(sensor, ((now, good), near))| {
@@ -259,7 +256,7 @@ fn out_of_range(config: &Config, Words([acc, mag, gyr]): &Words) -> bool {
         || config.needs_mag && config.mode.has_mag() && *mag == [0; 3]
 }
 
-/// Of which sensors a word is -1 that was farther than [`NEAR`] from it.
+/// The sensors of which a word is -1 from farther than [`NEAR`].
 fn ones_from_afar(Words(good): &Words, Words(now): &Words) -> [bool; 3] {
     let mut sensors = now.iter().zip(good).zip(NEAR);
     [(); 3].map(|()| {

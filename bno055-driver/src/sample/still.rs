@@ -1,30 +1,30 @@
-//! How long the words of a sensor have stood still, and whether it is dead.
+//! The standstill of a sensor's words, and whether the sensor is dead.
 //!
-//! A live sensor has noise, which changes a word at nearly every refresh. How often a BNO055
-//! refreshes its registers in the modes without fusion is not documented, so the mean time between
-//! two changes is measured, and a sensor counts as dead when several of these have gone by.
+//! A live sensor has noise, which changes a word at nearly every refresh. The refresh rate of a
+//! BNO055 without fusion is not documented. So the driver measures the mean time between two
+//! changes. A sensor is dead after several mean times without a change.
 
 use tvc_imu::Micros;
 
-/// Mean times between two changes that a dead sensor has stood still for.
+/// Mean times between two changes for which a dead sensor stands still.
 ///
-/// At 23 Hz bandwidth the gyroscope's noise is 1.4 counts, and one refresh in 70 has the rates of
-/// the one before. Five in a row are equal once in 10^9: a false alarm in half a year.
+/// At 23 Hz bandwidth the gyroscope's noise is 1.4 counts, and one refresh in 70 repeats its rates.
+/// Five in a row are equal once in 10^9: a false alarm in half a year.
 const PERIODS: u32 = 6;
 
-/// Fewest equal bursts in a row that show a dead sensor, for owners that read it seldom.
+/// Fewest equal bursts in a row that show a dead sensor, for slow readers.
 const BURSTS: u8 = 5;
 
-/// Longest time between two changes that is counted, and the mean before the first one, us: the
-/// slowest refresh that a loop could fly with is 10 Hz.
+/// Longest counted time between two changes, and the mean before the first change, us: 10 Hz, the
+/// slowest refresh for a flight.
 const SLOWEST_US: u32 = 100_000;
 
-/// What is remembered of the changes.
+/// Memory of the changes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Still {
     /// The burst in which a word changed last.
     since: Option<Micros>,
-    /// Bursts since, that one included.
+    /// Bursts since then, with that burst.
     bursts: u8,
     /// Mean time between two changes, us.
     mean_us: u32,
@@ -49,7 +49,7 @@ impl Still {
         }
     }
 
-    /// Takes whether the words of a burst at `time` differ from those of the burst before.
+    /// Takes whether the words of a burst at `time` differ from the words before.
     pub(super) fn look(&mut self, time: Micros, differ: bool) {
         if !differ {
             self.bursts = self.bursts.saturating_add(1);

@@ -121,7 +121,7 @@ fn a_sensor_does_not_vanish_in_one_refresh() {
     assert_eq!(verdict_behind(turning, gone(6, -1)), ones);
     assert_eq!(verdict_behind(turning, gone(0, 0)), torn);
     assert_eq!(verdict_behind(turning, gone(6, 0)), torn);
-    // At rest rates are 0 or -1 on all axes every few seconds, and acceleration is so in free fall.
+    // At rest, rates are 0 or -1 on all axes every few seconds; in free fall, acceleration is.
     assert_eq!(verdict_behind(REST, gone(6, -1)), None);
     assert_eq!(verdict_behind(REST, gone(6, 0)), None);
     let falling = with(&[(2, 150)]);
@@ -157,8 +157,7 @@ fn a_sensor_does_not_vanish_in_one_refresh() {
     );
 }
 
-/// Samples of bursts 10 ms apart, all of which are believed: the rates, and whether the burst is
-/// suspect.
+/// Samples of accepted bursts, 10 ms apart: the rates, and whether the burst is suspect.
 fn believed(bursts: &[[i16; 9]]) -> Vec<([i16; 3], bool)> {
     let mut inspector = Inspector::default();
     (0..)
@@ -192,7 +191,7 @@ fn behind_a_failure_of_the_bus_rates_that_moved_a_little_are_held_until_they_are
     let low_again = with(&[(6, 244), (7, 32)]);
     assert_eq!(judge(80, low_again, true), rates(turning));
     assert_eq!(judge(87, turning, false), rates(turning));
-    // A true change is believed one burst later, at once where no transfer failed.
+    // A true change is accepted one burst later, or at once without a failed transfer.
     let slower = with(&[(7, -1_200)]);
     assert_eq!(judge(100, slower, true), rates(turning));
     assert_eq!(judge(107, slower, true), rates(slower));
@@ -221,8 +220,8 @@ fn words_of_ones_are_suspect_where_the_sensor_was_elsewhere() {
     }
 }
 
-/// The magnetometer's z axis measures 2500 uT: a magnet that is carried past shows all of it, but
-/// not in two bursts of one refresh.
+/// The magnetometer's z axis measures 2500 uT: a passing magnet shows all of it, but not in two
+/// bursts of one refresh.
 #[test]
 fn any_field_is_believed() {
     let burst = |x, z| with(&[(3, x), (5, z)]);
@@ -267,7 +266,7 @@ fn rates_that_jump_are_held_for_a_burst() {
 }
 
 /// Bursts every 6.667 ms of an accelerometer with noise, and of rates that change at every refresh
-/// of `period_us` until `died_us`: how long after that the first of them is refused, us.
+/// of `period_us` until `died_us`. Gives the time from then to the first refused burst, us.
 fn dead_after_us(config: &Config, period_us: u64, died_us: u64) -> Option<u64> {
     let mut inspector = Inspector::default();
     (0..6_000)
@@ -313,7 +312,7 @@ fn rates_that_stand_still_for_several_refreshes_are_dead() {
     assert_eq!(dead_after_us(&fusion, 10_000, 1_000_000), None);
 }
 
-/// How often the chip refreshes is not known yet, and 10 Hz are allowed for.
+/// The refresh rate is not known yet, so 10 Hz are allowed.
 #[test]
 fn a_chip_that_never_moves_is_frozen_within_a_second() {
     let still = verdicts(&Config::default(), &[REST; 100]);
@@ -353,8 +352,8 @@ fn limits_follow_range_and_unit() {
     limit(&config, 6, 4062);
 }
 
-/// Two spikes in a row look like a real jump. 2000 deg/s take nearly the whole word. Half of it is
-/// spare at 1000 deg/s, which leaves no rate whose highest bit could flip without being noticed.
+/// Two spikes in a row look like a real jump. 2000 deg/s take nearly the whole word. At 1000 deg/s
+/// half of it is spare, so a flip of the highest bit is always noticed.
 #[test]
 fn with_half_the_range_no_flipped_highest_bit_is_taken_for_a_rate() {
     let config = Config {
@@ -392,7 +391,7 @@ fn rates_alone_come_with_the_other_words_of_the_good_burst_before() {
     let judge = |inspector: &mut Inspector, tick: u64, bytes: &[u8]| {
         inspector.judge(&config, Micros(tick * 6_667), bytes, false)
     };
-    // There is nothing yet to judge them by.
+    // No good burst yet, so they cannot be judged.
     let first = judge(&mut inspector, 0, &rates(REST));
     assert_eq!(first, Err(SensorFault::Protocol));
 

@@ -1,4 +1,4 @@
-//! What the answers during the set-up must be.
+//! The right answers during the set-up.
 
 use super::{SetupStep, Verdict};
 use crate::config::Config;
@@ -8,10 +8,10 @@ use crate::settings::Setting;
 use crate::status::{Identity, SystemStatus};
 use tvc_imu::{SensorFault, Transfer};
 
-/// Pause before a register that does not yet hold what was written is read again.
+/// Pause before a second read of a register that does not hold the written value yet.
 const READ_BACK_PAUSE_US: u64 = 5_000;
-/// How long it may take: the data sheet asks for 2 us between writes, but hosts have seen writes
-/// come late or not at all when they followed each other at once.
+/// Longest time for a write to show. The data sheet asks for 2 us between writes, but hosts report
+/// late or lost writes when they follow each other at once.
 const READ_BACK_TIMEOUT_US: u64 = 50_000;
 
 pub(super) fn identify(bytes: &[u8], config: &Config, identity: &mut Identity) -> Verdict {
@@ -120,7 +120,7 @@ pub(super) fn confirm(
         }
     }
     match setting.next(config) {
-        // What is only read needs no writing first.
+        // A register that is only read needs no write first.
         Some(next @ Setting::UniqueId) => Verdict::Go(SetupStep::Confirm(next), 0),
         Some(next) => Verdict::Go(SetupStep::Write(next), 0),
         None if config.external_crystal => Verdict::Go(SetupStep::AwaitClock, 0),
@@ -128,7 +128,7 @@ pub(super) fn confirm(
     }
 }
 
-/// The clock source may be changed within a time, us; then the step follows.
+/// Waits until the clock source may be changed, for a limited time, us; then the next step follows.
 pub(super) fn await_clock(bytes: &[u8], next: SetupStep, timeout_us: u64) -> Verdict {
     match bytes {
         // Bit 0 set: the clock is being configured and must be left alone.

@@ -1,4 +1,4 @@
-//! From power-on to the first good data: one step after another, every register read back.
+//! From power-on to the first good data, step by step, with every register read back.
 
 mod judges;
 
@@ -13,37 +13,37 @@ use judges::{
 };
 use tvc_imu::{BusError, Micros, SensorFault, Transfer};
 
-/// How long a chip may take to answer and identify itself before that is reported as a fault: 850
-/// ms are common, and the identification can be wrong for another second.
+/// Longest time for a chip to answer and identify itself before the driver reports a fault: 850 ms
+/// are common, and the identification can be wrong for another second.
 pub const BOOT_DEADLINE_US: u64 = 1_850_000;
 
 /// Pause between attempts to reach a chip that does not answer.
 const POLL_US: u64 = 20_000;
-/// Pause after the first failure of a chip that answered; doubles up to [`PAUSE_MAX_US`].
+/// Pause after the first failure of a chip that answered; it doubles up to [`PAUSE_MAX_US`].
 const PAUSE_US: u64 = 50_000;
 const PAUSE_MAX_US: u64 = 800_000;
 /// Any mode to CONFIG (data sheet table 3-6).
 const TO_CONFIG_US: u64 = 19_000;
 /// CONFIG to any mode (data sheet table 3-6).
 const FROM_CONFIG_US: u64 = 7_000;
-/// After a write, before it is read back and the next one follows. The data sheet asks for 2 us,
-/// but chips have been seen to lose what came within a few milliseconds.
+/// Pause between a write and its read-back. The data sheet asks for 2 us, but users report lost
+/// writes within a few milliseconds.
 const WRITE_US: u64 = 5_000;
 /// After a reset command (data sheet table 1-2).
 const RESET_US: u64 = 650_000;
 /// The built-in self-test takes about 0.4 s (data sheet section 3.9.2).
 const SELF_TEST_US: u64 = 400_000;
-/// Until this time after a change of clock, the clock status is still that of the old clock.
+/// For this time after a change of clock, the clock status is the old clock's.
 const CLOCK_SWITCH_US: u64 = 10_000;
 
 /// PWR_MODE: everything off but the registers (data sheet section 3.2.3).
 const SUSPEND: u8 = 2;
 
-/// A step of the set-up: [`Startup::transfer`] has what each asks of the bus, and
-/// [`Startup::judge`] what follows it.
+/// A step of the set-up. [`Startup::transfer`] has its transfer, [`Startup::judge`] its
+/// consequence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum SetupStep {
-    /// Selects page 0, and so learns whether the chip answers.
+    /// Selects page 0, which shows whether the chip answers.
     #[default]
     Call,
     Identify,
@@ -79,9 +79,9 @@ pub(crate) enum Goal {
 
 /// Where a step leads.
 enum Verdict {
-    /// To the next step, after so many microseconds.
+    /// To the next step, after a pause in microseconds.
     Go(SetupStep, u64),
-    /// Once more after so many microseconds, until the step has taken so many; then this fault.
+    /// Once more after a pause in microseconds, for a limited time; then this fault.
     Again(u64, u64, SensorFault),
     Fail(SensorFault),
     /// To the next step, with an answer.
@@ -89,14 +89,14 @@ enum Verdict {
     Reached,
 }
 
-/// What a completed step means to the driver.
+/// The result of a completed step for the driver.
 pub(crate) enum Progress {
     Going,
     /// The request has its answer; the set-up goes on.
     Answered(Answer),
-    /// An attempt failed; the fault is to be reported.
+    /// An attempt failed with a fault to report.
     Failed(SensorFault),
-    /// The chip samples, or is suspended, as was the goal.
+    /// The chip samples, or is suspended: the goal is reached.
     Reached(Goal),
 }
 
@@ -104,12 +104,12 @@ pub(crate) enum Progress {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Startup {
     goal: Goal,
-    /// To be asked on the way. Without it an answer that is still to come is discarded.
+    /// The request to make on the way. `None` discards an answer still to come.
     pub(crate) request: Option<Request>,
     step: SetupStep,
     step_since: Micros,
     not_before: Micros,
-    /// When this set-up began; known at the first look at the clock.
+    /// Start of this set-up, known after the first look at the clock.
     began: Option<Micros>,
     /// Failed attempts in a row of a chip that answered.
     failures: u8,
@@ -136,12 +136,12 @@ impl Startup {
         (self.step_since, self.not_before, self.began) = (now, now, Some(now));
     }
 
-    /// When this set-up began.
+    /// Start of this set-up.
     pub(crate) fn began(&self) -> Micros {
         self.began.unwrap_or(self.not_before)
     }
 
-    /// The next transfer, or the moment before which there is none.
+    /// The next transfer, or the time of the next one.
     pub(crate) fn next(&mut self, now: Micros, config: &Config) -> Result<Transfer, Micros> {
         self.began.get_or_insert(now);
         if now < self.not_before {
@@ -151,7 +151,7 @@ impl Startup {
         Ok(self.transfer(config))
     }
 
-    /// What each step asks of the bus.
+    /// The transfer of a step.
     fn transfer(&self, config: &Config) -> Transfer {
         use SetupStep as Step;
         let read = Transfer::read;
@@ -180,7 +180,7 @@ impl Startup {
         }
     }
 
-    /// Where each step leads, with the answer of the chip.
+    /// The consequence of a step and of the chip's answer.
     fn judge(&mut self, now: Micros, bytes: &[u8], config: &Config) -> Verdict {
         use SetupStep as Step;
         match self.step {
@@ -222,7 +222,7 @@ impl Startup {
         }
     }
 
-    /// Takes the outcome of the transfer that [`Startup::next`] gave out; ignores any other.
+    /// Takes the outcome of the transfer from [`Startup::next`]; ignores any other.
     pub(crate) fn complete(
         &mut self,
         now: Micros,
@@ -249,7 +249,7 @@ impl Startup {
             Verdict::Answer(answer, step) => {
                 self.step = step;
                 self.step_since = now;
-                // Whoever asked may have cancelled meanwhile.
+                // The owner may have dropped the request meanwhile.
                 if self.request.take().is_some() {
                     return Progress::Answered(answer);
                 }
@@ -265,9 +265,9 @@ impl Startup {
         Progress::Going
     }
 
-    /// Starts over. A chip that cannot be reached is polled at a steady pace, and reported only
-    /// when it is late. One that answers, but not as it should, is reported at once and tried again
-    /// after ever longer pauses.
+    /// Starts over. The driver polls a chip that does not answer at a steady pace, and reports it
+    /// only when it is late. A wrong answer is reported at once, and the next attempt comes after
+    /// ever longer pauses.
     fn fail(&mut self, now: Micros, fault: SensorFault, config: &Config) -> Progress {
         let unreached = fault.is_bus() || self.step == SetupStep::Identify;
         let mut next = SetupStep::Call;
