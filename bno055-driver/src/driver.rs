@@ -15,8 +15,8 @@ use tvc_imu::{
     Bursts, BusError, Imu, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer,
 };
 
-/// Longest time without a good transfer before the driver sets the chip up anew. A shorter glitch
-/// of the cable does not reset the chip: the driver verifies the mode, and sampling goes on.
+/// Longest time without a good burst before the driver sets the chip up anew. A shorter glitch of
+/// the cable does not reset the chip: the driver verifies the mode, and sampling goes on.
 pub const GLITCH_US: u64 = 60_000;
 
 #[derive(Clone, Debug)]
@@ -126,7 +126,7 @@ impl Driver {
         }
     }
 
-    /// Drops the request that has no answer yet; an answer that is already on its way is discarded.
+    /// Drops the request without an answer, and discards an answer under way.
     pub fn cancel(&mut self) {
         self.request = None;
         if let Phase::Startup(startup) = &mut self.phase {

@@ -190,7 +190,7 @@ macro_rules! front_end {
                 self.bus_error.take()
             }
 
-            /// Gives bus, delay and clock back; the chip keeps running as it is.
+            /// Gives bus, delay and clock back; the chip keeps running.
             pub fn release(self) -> (I2C, D, C) {
                 (self.i2c, self.delay, self.clock)
             }

@@ -30,7 +30,7 @@ macro_rules! register_enums {
         }
 
         impl $name {
-            /// What the register's value means.
+            /// Meaning of the register's value.
             pub const fn from_register(value: u8) -> Self {
                 match value {
                     $($value => Self::$variant,)*

@@ -11,7 +11,7 @@ use tvc_imu::Transfer;
 pub use judge::STEP_AGE_US;
 pub(crate) use judge::{Evidence, Inspector, Judged};
 
-/// First register and length of the one burst that reads all that `mode` measures.
+/// First register and length of the burst that reads all measurements of `mode`.
 #[inline(never)]
 const fn span(mode: Mode) -> (u8, u8) {
     let first = if mode.has_acc() {
@@ -31,7 +31,7 @@ const fn span(mode: Mode) -> (u8, u8) {
     (first, end - first)
 }
 
-/// The burst that reads all that `mode` measures: 18 bytes in AMG mode.
+/// The burst that reads all measurements of `mode`: 18 bytes in AMG mode.
 pub(crate) const fn burst(mode: Mode) -> Transfer {
     let (first, len) = span(mode);
     Transfer::read(first, len)
@@ -40,7 +40,7 @@ pub(crate) const fn burst(mode: Mode) -> Transfer {
 /// Bytes of the rates.
 pub(crate) const RATES: u8 = registers::EUL_DATA - registers::GYR_DATA;
 
-/// The burst that reads the rates alone, where `mode` measures more than them.
+/// The burst that reads the rates alone, if `mode` measures more.
 pub(crate) const fn rates_burst(mode: Mode) -> Option<Transfer> {
     let (_, len) = span(mode);
     if mode.has_gyr() && len > RATES {

@@ -23,7 +23,7 @@ pub(crate) enum Setting {
 }
 
 impl Setting {
-    /// The setting after this one that `config` asks for.
+    /// The next setting that `config` needs.
     pub(crate) fn next(self, config: &Config) -> Option<Self> {
         let next = match self {
             Self::Power => Self::Units,

@@ -6,7 +6,7 @@ use crate::registers as reg;
 use crate::status::SystemStatus;
 use tvc_imu::{SensorFault, Transfer};
 
-/// The registers that must go on holding what was written; each check's value is its register.
+/// The registers that must keep the written values; each check's value is its register.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Check {

@@ -181,7 +181,7 @@ impl<T: Real> Field<T> {
             reject_s: T::from_f32(config.reject_s),
             declination: (declination_rad != 0.0).then(|| {
                 let rad = T::from_f32(declination_rad);
-                // Sine and cosine of an angle from those of half of it, without a table.
+                // Sine and cosine of an angle, from sine and cosine of half of it, without a table.
                 let half = Quaternion::from_rotation_vector(&[T::ZERO, T::ZERO, rad]);
                 let (sin, cos) = (half.w * half.z, T::HALF - half.z * half.z);
                 Declination {

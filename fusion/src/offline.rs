@@ -6,8 +6,8 @@
 //!
 //! The first pass learns the gyroscope's offset, the field, the field's lag and the ranges in which
 //! the gyroscope clips. The second pass goes back from the end, the third forth from the beginning.
-//! The result is the mean of the second and the third, weighted by their averaging times: an
-//! estimate counts for less for seconds after its start, a gap or clipping.
+//! The result is the mean of the second and the third, weighted by their averaging times. For
+//! seconds after its start, a gap or clipping, an estimate has less weight.
 
 use alloc::vec::Vec;
 
@@ -30,10 +30,10 @@ pub struct TimedSample {
 
 /// The attitudes at all samples of a recording, by a filter that runs forth and back.
 ///
-/// Rate, offset and flags are those of the last pass. Takes some 60 bytes a sample while it runs.
+/// Rate, offset and flags are the last pass's. Takes some 60 bytes a sample while it runs.
 ///
 /// # Errors
-/// A parameter that is not finite or out of its range, by name.
+/// The name of a parameter that is not finite or out of range.
 pub fn smooth<F: Filter>(
     config: &Config<F::Gains>,
     samples: &[TimedSample],

@@ -18,7 +18,7 @@
 use crate::real::Real;
 use crate::vector::dot;
 
-/// What is known of the gyroscope's offset.
+/// State of the gyroscope's offset.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,7 +106,7 @@ pub(crate) const STEEP: f32 = 33.2;
 /// Variance of an unknown angle, rad^2: pi^2 / 3.
 pub(crate) const UNKNOWN: f32 = 3.29;
 
-/// What a step has seen.
+/// Observations of a step.
 pub(crate) struct Evidence<T> {
     /// The accelerometer.
     pub(crate) acc: bool,

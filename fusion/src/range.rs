@@ -25,7 +25,7 @@ const EQUAL: f32 = 4e-5;
 /// Steps without a change that show a limit.
 const FLAT_STEPS: u8 = 2;
 
-/// Shortest time of equal rates, s: noise makes shorter ones.
+/// Shortest time of equal rates at a limit, s: noise makes shorter times.
 const FLAT_S: f32 = 0.006;
 
 /// A step is small up to this fraction of the largest rate.
@@ -78,7 +78,7 @@ const SUPPOSED_SIGMA: f32 = 0.3;
 /// Largest deviation, rad: the angle is unknown then.
 const MAX_SIGMA: f32 = 1.0;
 
-/// What an axis hides.
+/// Hidden rotation of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Hidden<T> {
     /// Nothing.
@@ -336,7 +336,7 @@ impl<T: Real> Axis<T> {
                 f32::INFINITY
             };
             let supposed = size * T::from_f32(share);
-            // What is exact replaces what is not.
+            // An exact limit replaces an inexact limit.
             let sharper = self.equal == FLAT_STEPS && supposed.within(limit * T::from_f32(BEYOND));
             if supposed < limit || sharper {
                 learned = limit == configured;

@@ -69,7 +69,7 @@ pub(crate) struct Rest<T> {
     held: u32,
     /// Blocks in the offset's mean.
     learned: u32,
-    /// A block was unlike the one before it.
+    /// A block differed from the block before.
     moved: bool,
     /// Consecutive blocks of a steady rate that is too large for an offset.
     refused: u32,
@@ -143,7 +143,7 @@ impl<T: Real> Rest<T> {
         }
     }
 
-    /// Samples are missing: end the rest under way, but keep what was learned.
+    /// Samples are missing: ends the rest under way and keeps the learned offset.
     pub(crate) fn interrupt(&mut self) {
         self.block = Block::default();
         self.reference = None;

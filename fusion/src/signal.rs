@@ -2,11 +2,11 @@
 //!
 //! | filter | delay in samples | good for |
 //! |---|---|---|
-//! | [`MovingAverage`] | `(N - 1) / 2`, exactly, at every frequency | white noise; the thesis' choice where the delay can be afforded |
-//! | [`Exponential`] | `w / (1 - w)` for slow signals | the same with one number of memory |
-//! | [`Weighted`] | the centre of its weights | newer samples counting more: less delay, more noise |
-//! | [`Median`] | `(N - 1) / 2` for a ramp | single outliers, which it removes altogether |
-//! | [`SavitzkyGolay`] | `(N - 1) / 2` | keeping the height of peaks: it follows a parabola exactly |
+//! | [`MovingAverage`] | `(N - 1) / 2`, exactly, at every frequency | white noise |
+//! | [`Exponential`] | `w / (1 - w)` for slow signals | white noise, with one number of memory |
+//! | [`Weighted`] | the centre of its weights | less delay, more noise: newer samples count more |
+//! | [`Median`] | `(N - 1) / 2` for a ramp | single outliers, which it removes |
+//! | [`SavitzkyGolay`] | `(N - 1) / 2` | the height of peaks: it follows a parabola exactly |
 //!
 //! Until a window is full, each filter uses the samples so far: the first output is the first
 //! input. Keep NaN out: it stays in a window for `N` samples and in [`Exponential`] for ever.

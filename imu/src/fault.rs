@@ -44,7 +44,7 @@ pub enum SensorFault {
         /// The chip's own number of it.
         error: u8,
     },
-    /// A register does not hold what was written.
+    /// A register does not hold the written value.
     Configuration {
         /// The register.
         register: u8,
@@ -66,9 +66,9 @@ pub enum SensorFault {
     AllOnes,
     /// The same data again and again, or a gyroscope without noise.
     Frozen,
-    /// Beyond what the sensors can measure.
+    /// Values beyond the sensors' range.
     Implausible,
-    /// All three words of a sensor became 0 at once, far from what they were.
+    /// All three words of a sensor became 0 at once, far from the words before.
     Torn,
     /// A tick went by without its burst.
     Late,

@@ -45,7 +45,7 @@ const FIELD_REPEAT_US: u32 = 100_000;
 /// Longest counted time between two readings, us.
 const GAP_US: u64 = 500_000;
 
-/// Finds out what is new in the readings of a sensor.
+/// Finds the new parts in the readings of a sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Refresh {
     last: Option<RawSample>,
@@ -333,8 +333,8 @@ mod tests {
         assert!(is_new(&mut refresh, [true, false, false]));
     }
 
-    /// A loop with a sensor at 150 Hz: estimate and true age of each new reading, us; the period,
-    /// the counted time and the true time since a reading, us.
+    /// A loop with a sensor at 150 Hz. Gives estimate and true age of each new reading, us, and the
+    /// period, the counted time and the true time since a reading, us.
     struct Watched {
         ages_us: Vec<(i64, i64)>,
         period_us: u32,

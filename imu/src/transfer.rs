@@ -76,7 +76,7 @@ pub enum Transfer {
     Write {
         /// First register.
         register: u8,
-        /// What to write.
+        /// The bytes to write.
         bytes: Bytes,
     },
 }

@@ -5,7 +5,7 @@ use crate::pid::Coefficients;
 use crate::scalar::Scalar;
 use crate::state::State;
 
-/// What a sample tells a [`Law`].
+/// Measurements of a sample for a [`Law`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading<T> {
     /// The measured value.
@@ -22,7 +22,7 @@ pub struct Reading<T> {
 /// A control law. The law has the settings, which no sample changes. The state is a separate value,
 /// to be [read and restored](State).
 pub trait Law<T: Scalar>: Sized {
-    /// What it is made of, in SI units.
+    /// Configuration, in SI units.
     type Config;
     /// The memory from one sample to the next.
     type State: State<T> + Default;
@@ -74,7 +74,7 @@ pub trait Law<T: Scalar>: Sized {
 pub struct Controller<T: Scalar, L: Law<T>> {
     /// The settings.
     pub law: L,
-    /// What changes from sample to sample.
+    /// State that changes from sample to sample.
     pub state: L::State,
 }
 

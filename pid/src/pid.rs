@@ -128,7 +128,7 @@ state! {
 }
 
 state! {
-    /// What a [`Pid`] remembers.
+    /// The memory of a [`Pid`].
     pub struct PidState {
         /// Integral action, in output units: gain included.
         integral: T,

@@ -31,9 +31,8 @@ impl<T: Scalar, const N: usize> Default for Schedule<T, N> {
 }
 
 impl<T: Scalar, const N: usize> Schedule<T, N> {
-    /// From values of the variable in rising order, each with its configuration. Only what
-    /// [`Coefficients`] hold is scheduled: gains, derivative filter, setpoint weight, tracking
-    /// time.
+    /// From values of the variable in rising order, each with its configuration. Only the
+    /// [`Coefficients`] are scheduled: gains, derivative filter, setpoint weight, tracking time.
     ///
     /// # Errors
     /// As [`Schedule::set`].

@@ -27,7 +27,7 @@ pub struct SurfaceConfig {
     pub plant_gain: f32,
     /// Time from a sample until the actuator takes its output for its target, s, up to two periods.
     pub effect_s: f32,
-    /// Lag of the rate's sensor, s: its age beyond that of the reading.
+    /// Lag of the rate's sensor, s: age of the rate beyond the reading's age.
     pub sensor_lag_s: f32,
     /// Greatest speed of the actuator, output per s.
     pub actuator_rate: f32,

@@ -1,4 +1,4 @@
-//! What the driver keeps while the chip samples, and how far it believes it.
+//! The driver's state while the chip samples, and its trust in the samples.
 
 use tvc_imu::{Micros, SensorFault};
 
@@ -37,7 +37,7 @@ pub(super) struct Sampling {
     pub(super) inspector: Inspector,
 }
 
-/// What a transfer between two bursts was for.
+/// Purpose of a transfer between two bursts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Errand {
     Verify,
@@ -52,14 +52,13 @@ impl Sampling {
         }
     }
 
-    /// Counts a wrong answer; whether there were so many that the right ones are not to be believed
-    /// either.
+    /// Counts a wrong answer; true if there were too many to trust the right answers.
     fn distrust(&mut self, weight: u8) -> bool {
         self.unreliable = self.unreliable.saturating_add(weight);
         self.unreliable >= UNRELIABLE_MAX
     }
 
-    /// Counts what a burst that was believed says of the wire; whether it is still to be believed.
+    /// Counts the evidence of an accepted burst on the wire; whether the burst is still trusted.
     pub(super) fn weigh(&mut self, evidence: Evidence) -> bool {
         match evidence {
             Evidence::Sound if !self.mismatched => {
@@ -70,14 +69,14 @@ impl Sampling {
         }
         true
     }
-    /// Notes a sample that was believed; whether it may be given out.
+    /// Notes an accepted sample; whether it may be given out.
     pub(super) fn good_sample(&mut self) -> bool {
         self.silent_since = None;
         self.bad_samples = 0;
         !self.mismatched
     }
 
-    /// Counts a bad sample; why the chip is to be set up anew, if it was one too many.
+    /// Counts a bad sample; after too many, the reason to set the chip up anew.
     pub(super) fn bad_sample(&mut self, fault: SensorFault) -> Option<SensorFault> {
         self.bad_samples = self.bad_samples.saturating_add(1);
         let unreliable = self.distrust(WRONG_WEIGHT);
@@ -97,8 +96,8 @@ impl Sampling {
         })
     }
 
-    /// Notes a register that read wrong; why the chip is to be set up anew, if it is. A wrong bit
-    /// on the wire looks the same: the register is read again, and the second answer is believed.
+    /// Notes a register that read wrong; the reason to set the chip up anew, if any. A wrong bit on
+    /// the wire looks the same, so the register is read again, and the second answer counts.
     pub(super) fn wrong_register(&mut self, fault: SensorFault) -> Option<SensorFault> {
         if core::mem::replace(&mut self.mismatched, true) {
             Some(fault)

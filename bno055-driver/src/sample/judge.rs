@@ -6,10 +6,10 @@
 //! |---|---|---|
 //! | length | another number of bytes than asked for | |
 //! | all zero | acceleration and rates of zero | CONFIG mode shows zeros; live sensors have noise |
-//! | vanished | a sensor whose three words become 0, or -1, from afar | a body does not stop on all axes in one refresh, to the last bit |
+//! | vanished | a sensor's three words become 0, or -1, from afar | no body stops so on all axes |
 //! | frozen | rates that stand still for several refreshes | noise moves their last bits |
 //! | range | accelerations or rates beyond the sensor's range | sensors clip at their range |
-//! | no field | a field of zero on all axes, where the configuration needs one | the earth has a field |
+//! | no field | a field of zero, if the configuration needs a field | the earth has a field |
 //!
 //! A jump of the rates is held for one burst: the sample has the rates before, as if the gyroscope
 //! had not been refreshed. The next burst shows whether the jump was real. A rate of -1 from afar
@@ -245,8 +245,8 @@ fn vanished(mode: Mode, Words(good): &Words, Words(now): &Words) -> Option<Senso
     })
 }
 
-/// Whether a word is beyond the configured range and a sixty-fourth of it (sensors clip at their
-/// range, offsets come on top), or there is no magnetic field at all.
+/// Whether a word is beyond the configured range and a sixty-fourth of it, or the magnetic field is
+/// zero. Sensors clip at their range; offsets come on top.
 fn out_of_range(config: &Config, Words([acc, mag, gyr]): &Words) -> bool {
     let (acc_range, gyr_range) = (config.acc_range_counts(), config.gyr_range_counts());
     let beyond =

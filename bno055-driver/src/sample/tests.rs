@@ -129,7 +129,7 @@ fn a_sensor_does_not_vanish_in_one_refresh() {
         verdict_behind(falling, with(&[(0, -1), (1, -1), (2, -1)])),
         None
     );
-    // A magnetometer that is not needed may stop measuring.
+    // An optional magnetometer may stop measuring.
     let config = Config {
         needs_mag: false,
         ..Config::default()
@@ -208,7 +208,7 @@ fn suspects(bursts: &[[i16; 9]]) -> Vec<bool> {
 fn words_of_ones_are_suspect_where_the_sensor_was_elsewhere() {
     for word in [2, 3, 4, 5] {
         let ones = with(&[(word, -1)]);
-        // What stays on -1 is suspect once.
+        // A word that stays at -1 is suspect once.
         assert_eq!(
             suspects(&[REST, ones, ones, REST]),
             [false, true, false, false]

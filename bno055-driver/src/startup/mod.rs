@@ -13,7 +13,7 @@ use judges::{
 };
 use tvc_imu::{BusError, Micros, SensorFault, Transfer};
 
-/// Longest time for a chip to answer and identify itself before the driver reports a fault: 850 ms
+/// Longest time for a chip to answer and identify itself before the driver reports a fault. 850 ms
 /// are common, and the identification can be wrong for another second.
 pub const BOOT_DEADLINE_US: u64 = 1_850_000;
 
@@ -69,7 +69,7 @@ enum SetupStep {
     Suspend,
 }
 
-/// What the set-up is for.
+/// Goal of the set-up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Goal {
     #[default]
@@ -163,7 +163,7 @@ impl Startup {
             Step::EnterConfig => write(reg::OPR_MODE, 0),
             Step::AwaitConfig | Step::AwaitMode => read(reg::OPR_MODE, 1),
             Step::Ask(request) if request.is_self_test() => {
-                // The clock stays as it is.
+                // The clock stays.
                 let clock = reg::CLK_SEL * u8::from(config.external_crystal);
                 write(reg::SYS_TRIGGER, reg::SELF_TEST | clock)
             }

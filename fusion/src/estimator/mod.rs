@@ -138,7 +138,7 @@ impl<F: Filter> Estimator<F> {
     /// An estimator that waits for its first sample.
     ///
     /// # Errors
-    /// A parameter that is not finite or out of its range, by name.
+    /// The name of a parameter that is not finite or out of range.
     pub fn new(config: &Config<F::Gains>) -> Result<Self, ConfigError> {
         require(config.acc_gate > 0.0, "acc_gate")?;
         in_range(config.gyro_range_rad_s, 0.1, 200.0, "gyro_range_rad_s")?;
@@ -352,7 +352,7 @@ impl<F: Filter> Estimator<F> {
         }
     }
 
-    /// Set the orientation to what the sensors show now; false if they show no vertical.
+    /// Set the orientation from the sensors; false if they show no vertical.
     fn align(&mut self, up: &[F::Real; 3], mag: Option<&[F::Real; 3]>) -> bool {
         let Some(magnetic) = Quaternion::from_up_and_north(up, mag) else {
             return false;

@@ -20,7 +20,7 @@ pub struct Counts {
     pub mag: Option<[i16; 3]>,
 }
 
-/// What a count is worth.
+/// Units of a count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Scale {

@@ -78,7 +78,7 @@ const MAX_DT_US: u32 = 30_000;
 /// Largest half angle of a long step, rad, the sum of three axes.
 const MAX_HALF_ANGLE: f32 = 0.38;
 
-/// Fractional bits of the half angle per count and us below those of the half angle per count.
+/// Fractional bits of the half angle per count and us, beyond the bits of the half angle per count.
 const DT_BITS: u32 = 16;
 
 /// Most bits given up in a step longer than 1.25 periods: eight times 1.25 periods are ten periods.
@@ -262,7 +262,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         self.uncertainty.quality(&state.uncertainty, field, bias)
     }
 
-    /// What is known of the gyroscope's offset.
+    /// State of the gyroscope's offset.
     pub fn bias_state(&self, state: &State) -> BiasState {
         self.rest.bias_state(&state.rest)
     }

@@ -1,9 +1,9 @@
 //! The corrections: [`Mahony`], [`Madgwick`], [`Complementary`] and [`Vqf`].
 //!
 //! # The error
-//! With the rows `n`, `e`, `d` of the rotation matrix (Q15) and the specific force `a` (counts),
-//! which is `-g d` at rest, the tilt error times `g` is `d x a` in the body frame, and
-//! `(-e a, n a)` about north and east in the earth frame. Both errors are Q15 counts, at most
+//! Let `n`, `e`, `d` be the rows of the rotation matrix (Q15) and `a` the specific force (counts),
+//! `-g d` at rest. The tilt error times `g` is `d x a` in the body frame, and `(-e a, n a)` about
+//! north and east in the earth frame. Both errors are Q15 counts, at most
 //! `2^15 * 2^15 sqrt(3) < 2^31`.
 //!
 //! # The gain
@@ -50,7 +50,7 @@ use crate::madgwick::MadgwickGains;
 use crate::mahony::MahonyGains;
 use crate::vqf::VqfGains;
 
-/// What [`direction`] makes of any specific force, counts.
+/// Length of a [`direction`], counts.
 const UNIT: f32 = 16_384.0;
 
 /// Least specific force that shows a vertical, as a fraction of gravity: less is free fall.
@@ -83,7 +83,7 @@ impl Gain {
 /// A filter in fixed point: [`Vqf`], [`Mahony`], [`Madgwick`], [`Complementary`], or
 /// [`AnyFilter`](super::AnyFilter). It makes a correction from accelerometer and magnetometer.
 pub trait Filter: sealed::Sealed + Sized {
-    /// Its gains, the same as of the float filter.
+    /// Its gains, equal to the float filter's.
     type Gains: Copy;
 
     /// The coefficients for a sampling period and an accelerometer with `per_g` counts at standard
@@ -100,7 +100,7 @@ pub(super) mod sealed {
     pub trait Sealed {}
 }
 
-/// A filter and its pace, or why there is none.
+/// A filter and its pace, or an error.
 pub(super) type Made<F> = Result<(F, Pace), ConfigError>;
 
 /// How fast a filter follows.

@@ -1,5 +1,5 @@
-//! The filters in fixed point, for cores without an FPU: raw sensor counts in, no float and no
-//! 64-bit multiplication in the update, and the same bits on every machine.
+//! The filters in fixed point, for cores without an FPU. They take raw sensor counts. An update has
+//! no float and no 64-bit multiplication, and gives the same bits on every machine.
 
 mod any;
 mod counts;

@@ -102,11 +102,12 @@ impl Orientation {
     }
 
     /// The tilt of the body's vertical against the earth's (the reduced attitude), as the shortest
-    /// rotation vector between them: its parts about the body's y and x, rad, Q28. They are within
-    /// 1.5e-4 up to a right angle, and within 1.5e-4 over the sine beyond. The vector's length is
-    /// the angle between the verticals, 0 to pi. Heading and rotation about the body's own vertical
-    /// do not matter. Without roll the first part is the pitch, without pitch the second is the
-    /// roll. Upside down every direction is equally short; the result has one of them.
+    /// rotation vector between them. The result has its parts about the body's y and x, rad, Q28.
+    /// They are within 1.5e-4 up to a right angle, and within 1.5e-4 over the sine beyond. The
+    /// vector's length is the angle between the verticals, 0 to pi. Heading and rotation about the
+    /// body's own vertical do not matter. Without roll the first part is the pitch, without pitch
+    /// the second is the roll. Upside down every direction is equally short, and the result is any
+    /// of them.
     pub fn tilt_q28(&self) -> [i32; 2] {
         /// Angle over sine by the cosine, from 0 to 1, as a polynomial, highest power first, Q15:
         /// within 3e-5 (interpolation at Chebyshev's nodes).
@@ -186,7 +187,7 @@ const ARCS: [i32; 16] = [
     0x0028be53, 0x00145f2f, 0x000a2f98, 0x000517cc, 0x00028be6, 0x000145f3, 0x0000a2fa, 0x0000517d,
 ];
 
-/// After so many arcs a length is within 2^-17 of itself.
+/// Arcs after which a length is within 2^-17 of itself.
 const LENGTH_ARCS: usize = 9;
 
 /// Angle and lengthened length of a vector (J. Volder's CORDIC, vectoring).

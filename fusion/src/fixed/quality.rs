@@ -105,7 +105,7 @@ impl Angle {
         root(self.variance_q28(steady)) as f32 / 16_384.0
     }
 
-    /// The same as a variance.
+    /// As a variance.
     #[inline(always)]
     fn variance_q28(&self, steady: f32) -> u32 {
         let drift = self.drift.unsigned_abs() >> 14;
@@ -225,7 +225,7 @@ pub(super) struct UncertaintyState {
     deviation: i32,
     /// Blocks since the last undisturbed field; `u32::MAX` before the first.
     field_age: u32,
-    /// What this block adds to drifts and variances.
+    /// Growth of drifts and variances in this block.
     drift: Q28,
     walk: Q28,
 }

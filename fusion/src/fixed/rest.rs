@@ -176,7 +176,7 @@ impl Rest {
         state.tick.wrapping_sub(tick) <= self.mask
     }
 
-    /// What is known of the offset.
+    /// State of the offset.
     pub(super) fn bias_state(&self, state: &RestState) -> BiasState {
         let is_known = state.missing == 0 || state.early == 0;
         BiasState::new(state.refused >= self.needed, is_known)

@@ -367,7 +367,7 @@ proptest! {
         prop_assert!(last.is_finite());
     }
 
-    /// The fixed point controller does what the float one does, within its resolution.
+    /// The fixed point controller equals the float controller, within its resolution.
     #[test]
     fn fixed_point_follows_the_float(
         config in any_config(),

@@ -31,10 +31,10 @@ pub(super) struct Coefficients<T: Scalar> {
     pub(super) period: T::Share,
     /// Change of the rate in a sample per output.
     pub(super) rate_step: T,
-    /// Samples from one to its output's effect: whole ones, and the rest.
+    /// Samples to an output's effect: whole samples, and the rest.
     pub(super) effect: u8,
     pub(super) effect_rest: T::Share,
-    /// Samples from the whole ones to the evaluation of the surface.
+    /// Samples from the whole samples' end to the evaluation of the surface.
     pub(super) rest: T,
     /// From a sample to the evaluation of the surface, s; below 1.
     pub(super) horizon: T::Share,
