@@ -29,9 +29,9 @@
 //!
 //! | number | format | bound and its reason |
 //! |---|---|---|
-//! | half angle per count and us | Q(31 + `turn_shift` + 16) | below `2^31 / max_short_dt_us`: times a time step it fits |
+//! | half angle per count and us | Q(31 + `turn_shift` + 16) | `2^31 / max_short_dt_us`, for a time step |
 //! | half angle per count | Q(31 + `turn_shift`) | below `2^15`: times a rate of 16 bits it fits |
-//! | half angles, corrections | Q31 rad | each its own part of the 0.84 rad of the largest rotation |
+//! | half angles, corrections | Q31 rad | each its part of the largest rotation, 0.84 rad |
 //! | quaternion | Q30 | 1; Q15 where it is a factor |
 //! | rows n, e, d | Q15 | 1 |
 //! | row times counts | Q15 counts | `2^15 * 2^15 sqrt(3) < 2^31` |
