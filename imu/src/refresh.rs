@@ -316,8 +316,8 @@ mod tests {
         assert_eq!(elapsed[9..], [10 * each, each, each, each, each]);
     }
 
-    /// By hand: a change of the third rate alone is before the second rate's refresh, of the first
-    /// alone after it.
+    /// By hand: if the third rate alone changes, the second is still old; if the first alone
+    /// changes, the second was new in the reading before.
     #[test]
     fn a_refresh_in_the_midst_of_a_burst_counts_once() {
         let is_new = |refresh: &mut State, differ| refresh.look(6_667, differ).is_some();

@@ -39,10 +39,10 @@ const STILL_US: u32 = 65_000;
 /// See [`STILL_US`].
 const QUIET_STILL_US: u32 = 90_000;
 
-/// Least jump of a rate that is held: 250 deg/s, about the same counts in all units. Fast hands
-/// change a rate by 300 deg/s within a refresh of 10 ms.
+/// Largest jump of a rate that is not held: 250 deg/s, about the same counts in all units. Fast
+/// hands change a rate by 300 deg/s within a refresh of 10 ms.
 const RATE_JUMP: u16 = 4_000;
-/// Least jump that is held after a failed transfer: 16 deg/s.
+/// Largest jump that is not held after a failed transfer: 16 deg/s.
 const DISTURBED_JUMP: u16 = 256;
 
 /// Words of 0 or -1 are plausible if the sensor's last good words were this near to them. For

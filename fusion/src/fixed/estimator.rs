@@ -29,7 +29,7 @@
 //!
 //! | number | format | bound and its reason |
 //! |---|---|---|
-//! | half angle per count and us | Q(31 + `turn_shift` + 16) | `2^31 / max_short_dt_us`, for a time step |
+//! | half angle per count, us | Q(31 + `turn_shift` + 16) | `2^31 / max_short_dt_us` for a step |
 //! | half angle per count | Q(31 + `turn_shift`) | below `2^15`: times a rate of 16 bits it fits |
 //! | half angles, corrections | Q31 rad | each its part of the largest rotation, 0.84 rad |
 //! | quaternion | Q30 | 1; Q15 where it is a factor |
@@ -295,9 +295,10 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         state.uncertainty.keep_bias(&before.uncertainty);
     }
 
-    /// Take one sample, `dt_us` microseconds after the sample before; with 0, nothing turns. A gap
-    /// begins at 30,000 us, or at 2.5 to 10 periods, depending on period and scale. Only that much
-    /// of a gap is integrated, and the gains are a running mean's again.
+    /// Take one sample, `dt_us` microseconds after the sample before; with 0, nothing turns. More
+    /// than 30,000 us, or than 2.5 to 10 periods if that is less, are a gap. Only that much of a
+    /// gap is integrated, and the gains are a running mean's again. Period and scale determine the
+    /// number of periods.
     #[inline]
     pub fn update(&self, state: &mut State, dt_us: u32, counts: &Counts) {
         let gyr = counts.gyr;
@@ -368,8 +369,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
 
     /// Take one sample of a body in free flight, `dt_us` after the sample before: the rates alone
     /// turn the estimate. The accelerometer feels thrust and air, which show no vertical, so
-    /// neither tilt, heading nor offset is corrected. Only 30,000 us, or 2.5 to 10 periods, of a
-    /// gap are integrated.
+    /// neither tilt, heading nor offset is corrected. Of a gap, only as much is integrated as in
+    /// [`Estimator::update`].
     #[inline(never)]
     pub fn coast(&self, state: &mut State, dt_us: u32, gyr: &[i16; 3]) {
         let (mut step_us, mut shift) = (dt_us, self.turn_shift);

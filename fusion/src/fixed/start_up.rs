@@ -86,7 +86,7 @@ impl Gains {
 #[derive(Clone, Debug, PartialEq)]
 #[repr(C)]
 pub(super) struct Channel {
-    /// Difference to `gain_log2`.
+    /// Subtracted from `gain_log2`.
     subtract: i32,
     /// The filter's own gain.
     own: Gain,

@@ -10,8 +10,8 @@ use super::rotation::Rotation;
 use super::start_up::{Gains, ScheduleState};
 
 /// The memory of an estimator from one step to the next: plain words of 32 bits, the same for every
-/// filter, without the constants of the configuration. To copy, compare, store and restore; a
-/// checksum of [`State::words`] can seal it.
+/// filter, without the constants of the configuration. A program can copy, compare, store and
+/// restore it, and seal it by a checksum of [`State::words`].
 ///
 /// [`Estimator::start`](super::Estimator::start) makes one.
 /// [`Estimator::accepts`](super::Estimator::accepts) tells whether an update can take words from
