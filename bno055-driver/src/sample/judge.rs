@@ -50,8 +50,8 @@ const DISTURBED_JUMP: u16 = 256;
 /// counts in all units).
 const NEAR: [u16; 3] = [200, 80, 64];
 
-/// A field that moves by more than this in two bursts in a row is suspect: 20 uT. The magnetometer
-/// is refreshed in one burst of five.
+/// Largest jump of a field in two bursts in a row that is not suspect: 20 uT. One burst in five
+/// refreshes the magnetometer.
 const FIELD_JUMP: u16 = 320;
 
 /// Place of the magnetometer among the sensors of a burst.
