@@ -6,8 +6,8 @@
 //!
 //! - A product of Qa and Qb is Q(a + b). `>> n` takes n fractional bits off, and rounds down.
 //! - A product must fit 31 bits and a sign, so factors are cut to 16 bits first. The core
-//!   multiplies 32 x 32 -> 32 bits in one cycle; a product of 64 bits would be a library call of
-//!   78.
+//!   multiplies 32 x 32 -> 32 bits in one cycle; a product of 64 bits would be a library call of 78
+//!   cycles.
 //! - A coefficient that spans decades has 13 to 15 significant bits, and a shift for its product:
 //!   see [`normalised`].
 

@@ -2,8 +2,9 @@
 //!
 //! The quaternion is Q30 and is cut to Q15 as a factor, so that every product is of two 16-bit
 //! numbers and fits 32 bits. Such a product takes one cycle; a 32 x 32 -> 64 multiplication would
-//! be a library call of 78. Rotation increments are Q31, and the next step takes the remainder of
-//! their rounding to 2^-16. The rounding of the factors only scales an increment by 1e-5.
+//! be a library call of 78 cycles. Rotation increments are Q31, and the next step takes the
+//! remainder of their rounding to 2^-16. The rounding of the factors only scales an increment by
+//! 1e-5.
 //!
 //! Quaternion and pending rotation carry half a bit of their cut format, so that cutting rounds.
 //!
