@@ -49,7 +49,7 @@ impl DfllCheck {
     }
 }
 
-/// Has the DFLL run at its frequency, should a register have lost that: the pulses up to a reset are
+/// Sets the DFLL to its frequency, should a register have lost that: the pulses up to a reset are
 /// to be right.
 pub(crate) fn restore() {
     set_fine(fine());

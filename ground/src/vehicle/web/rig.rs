@@ -1,5 +1,5 @@
-//! The virtual rig behind the port, if it is one that can be acted on: it is in this process, or its
-//! socket stands beside the port (`tvc rig --pty --link`).
+//! The virtual rig behind the port, if it can be acted on: it is in this process, or its socket
+//! stands beside the port (`tvc rig --pty --link`).
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Sender, channel};
