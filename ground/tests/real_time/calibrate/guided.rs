@@ -3,7 +3,6 @@
 
 use std::io::Write;
 use std::process::{Output, Stdio};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use rig::bno055::ImuErrors;
@@ -11,41 +10,20 @@ use serde_json::Value;
 
 use super::truth;
 use crate::running::keys::assert_keys;
-use crate::running::{self, Running, json, said};
+use crate::running::{self, json, said};
 
-/// One rig at a time: several would be slower than real time.
-static TURN: Mutex<()> = Mutex::new(());
-
-/// `tvc rig --pty`, faster than real time, ended with the test.
+/// A rig in the process of each command, which keeps what the vehicle stores from one to the next.
 struct Rig {
-    _running: Running,
+    options: String,
     folder: tempfile::TempDir,
-    _turn: MutexGuard<'static, ()>,
 }
 
 impl Rig {
-    fn start(options: &[&str]) -> Self {
-        let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    fn start(options: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let link = folder.path().join("nano");
-        let link = link.to_str().unwrap();
-        let fixed = [
-            "rig",
-            "--pty",
-            "--seconds",
-            "600",
-            "--speed",
-            "5",
-            "--link",
-            link,
-        ];
-        let (running, port) = Running::start(&[&fixed, options].concat());
-        assert!(port.starts_with("/dev/"), "{port}");
-        Self {
-            _running: running,
-            folder,
-            _turn: turn,
-        }
+        let memory = folder.path().join("nano.bin");
+        let options = format!("--rig={options} --memory {}", memory.display());
+        Self { options, folder }
     }
 
     fn path(&self, name: &str) -> String {
@@ -59,7 +37,7 @@ impl Rig {
     /// A command at the rig, with somebody at the keyboard.
     fn typing(&self, keys: &str, arguments: &[&str]) -> Output {
         let mut tvc = running::command(arguments)
-            .args(["--port", &self.path("nano"), "--json"])
+            .args([&self.options, "--json"])
             .current_dir(self.folder.path())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -81,7 +59,7 @@ impl Rig {
             options.read(true).write(true).open(pty.path()).unwrap()
         };
         let mut tvc = running::command(arguments)
-            .args(["--port", &self.path("nano")])
+            .arg(&self.options)
             .env("TERM", "xterm")
             .stdin(terminal())
             .stdout(Stdio::null())
@@ -128,7 +106,7 @@ impl Rig {
 
 #[test]
 fn a_sensor_with_the_largest_errors_is_calibrated_at_the_port_and_out_of_the_recording_alike() {
-    let rig = Rig::start(&["--sensor", "worst", "--seed", "5"]);
+    let rig = Rig::start("--sensor worst --seed 5");
     let output = rig.tvc(&["calibrate", "--yes", "--place", "55.79,12.52"]);
     let found = json(&output);
     assert_keys("calibrate", &found);
@@ -160,7 +138,7 @@ fn a_sensor_with_the_largest_errors_is_calibrated_at_the_port_and_out_of_the_rec
 
 /// Status 1 and the reason; the vehicle keeps what it has.
 fn assert_refused(hand: &str, only: &str, reason: &str) {
-    let rig = Rig::start(&["--sensor", "worst", "--hand", hand]);
+    let rig = Rig::start(&format!("--sensor worst --hand {hand}"));
     let before = rig.parameters();
     let output = rig.tvc(&["calibrate", "--yes", "--only", only]);
     let words = said(&output);
@@ -184,7 +162,7 @@ fn a_turn_about_one_axis_is_refused_with_the_reason() {
 
 #[test]
 fn who_does_not_agree_keeps_the_vehicle_as_it_is() {
-    let rig = Rig::start(&[]);
+    let rig = Rig::start("");
     let before = rig.parameters();
     let output = rig.typing("n\n", &["calibrate", "--only", "gyr"]);
     assert_eq!(json(&output)["written"], false);
@@ -197,7 +175,7 @@ fn who_does_not_agree_keeps_the_vehicle_as_it_is() {
 
 #[test]
 fn a_nano_out_of_its_box_is_armed_after_its_rudder_was_seen_and_again_after_its_servo_was_turned() {
-    let rig = Rig::start(&["--blank"]);
+    let rig = Rig::start("--blank");
     let seen = rig.json(&["calibrate", "polarity", "--yes"]);
     assert_keys("calibrate-polarity", &seen);
     assert_eq!(seen["checked"], true, "{seen}");
@@ -206,7 +184,7 @@ fn a_nano_out_of_its_box_is_armed_after_its_rudder_was_seen_and_again_after_its_
     assert!(pulse("nose_down_us") < pulse("upright_us") - 40, "{seen}");
     assert_eq!(rig.parameters()["SRV_POLARITY"], 1.0);
 
-    rig.json(&["param", "set", "SRV_DIR", "-1"]);
+    rig.json(&["calibrate", "servo", "--direction=-1", "--yes"]);
     assert_eq!(rig.parameters()["SRV_POLARITY"], 0.0);
     let output = rig.typing("y\nn\n", &["calibrate", "polarity"]);
     assert!(said(&output).contains("us, servo -"), "{}", said(&output));
@@ -220,7 +198,7 @@ fn a_nano_out_of_its_box_is_armed_after_its_rudder_was_seen_and_again_after_its_
 
 #[test]
 fn a_servo_is_set_up_by_what_is_given_or_by_what_a_person_sees() {
-    let rig = Rig::start(&[]);
+    let rig = Rig::start("");
     let given = rig.json(&[
         "calibrate",
         "servo",
@@ -268,7 +246,7 @@ fn a_servo_is_set_up_by_what_is_given_or_by_what_a_person_sees() {
 /// 5 mm forward lower the nose: 0.040 rad of servo hold it.
 #[test]
 fn a_lateral_offset_of_the_mass_is_measured_in_flight_and_held_before_the_next() {
-    let rig = Rig::start(&["--cm-offset", "5"]);
+    let rig = Rig::start("--cm-offset 5");
     let first = rig.json(&["calibrate", "hold", "--seconds", "2", "--yes"]);
     let hold_deg = first["hold_deg"].as_f64().unwrap();
     assert!((hold_deg.abs() - 2.3).abs() < 0.4, "{first}");
@@ -284,7 +262,7 @@ fn a_lateral_offset_of_the_mass_is_measured_in_flight_and_held_before_the_next()
 
 #[test]
 fn in_a_terminal_a_question_stands_alone_below_what_is_to_be_done() {
-    let rig = Rig::start(&["--blank"]);
+    let rig = Rig::start("--blank --speed 5");
     let question = "Does the rudder's lower edge point forward, to the raised side? [y/N] ";
     let shown = rig.in_terminal(&["calibrate", "polarity"], question);
     assert!(shown.ends_with(question), "{shown:?}");
