@@ -19,9 +19,8 @@
 //!
 //! A wrong bit in the midst of a word looks like a motion. Bursts with features that are rare in a
 //! sound burst are [suspect](Evidence::Suspect). After several suspect or refused bursts in a short
-//! time, the driver sets the chip up anew. A field has no range: a passing magnet moves it as far
-//! as a wrong bit. But one burst in five refreshes it, so a field that jumps in two bursts in a row
-//! is suspect.
+//! time, the driver sets the chip up anew. A field has no range and no limit to its jumps: a passing
+//! magnet moves it as far and as fast as a wrong bit.
 
 use super::still::Still;
 use super::{RATES, Words, rates_burst, words};
@@ -50,10 +49,6 @@ const DISTURBED_JUMP: u16 = 256;
 /// counts in all units).
 const NEAR: [u16; 3] = [200, 80, 64];
 
-/// Largest jump of a field in two bursts in a row that is not suspect: 20 uT. One burst in five
-/// refreshes the magnetometer.
-const FIELD_JUMP: u16 = 320;
-
 /// Place of the magnetometer among the sensors of a burst.
 const MAG: usize = 1;
 
@@ -67,8 +62,6 @@ pub(crate) struct Inspector {
     still: Still,
     /// Rates of the last burst, if they were held back.
     held: Option<[i16; 3]>,
-    /// Whether the field jumped in the last whole burst.
-    field_jumped: bool,
 }
 
 /// A burst that was accepted.
@@ -149,11 +142,6 @@ impl Inspector {
         if let Some(good) = good {
             let [acc, mag, gyr] = ones_from_afar(&good, &now);
             is_suspect |= acc || mag || gyr;
-            if whole {
-                let jumps = moved(&good.0[MAG], &sample.mag, FIELD_JUMP);
-                is_suspect |= jumps && self.field_jumped;
-                self.field_jumped = jumps;
-            }
             if !is_confirmed && (gyr || moved(&good.gyr(), &sample.gyr, jump)) {
                 self.held = Some(sample.gyr);
                 sample.gyr = good.gyr();
