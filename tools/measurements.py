@@ -32,28 +32,25 @@ BY_COMMAND = """\
 ## By command
 | question | command |
 |---|---|
-| all figures of the documents | `python3 tools/measurements.py --broad FOLDER` |
-| cycles, code and stack of the filters, and of the control laws | `cargo lab cycles`, `cargo lab cycles --law all` |
-| the tables of the filters' README: scores, clipped rates, offline, costs | `python3 tools/filter_tables.py --broad FOLDER` |
-| cycles of the image in flight, by function | `cargo lab profile --report report/profile.html`; inlined ones need an image with debug information: `CARGO_ENCODED_RUSTFLAGS=-Cstrip=none cargo build --package tvc-nano --bin tvc-nano --profile firmware --target thumbv6m-none-eabi --target-dir FOLDER`, then `--image` |
-| worst case of the stack | `cargo lab stack --report report/stack.html` |
-| the stack of every function against what the compiler says | `python3 tools/stack_check.py` |
+| all figures of this page | `python3 tools/measurements.py --broad FOLDER` |
+| tables of the filters' README | `python3 tools/filter_tables.py --broad FOLDER` |
+| cycles, code and stack of filters and laws | `cargo lab cycles`, `cargo lab cycles --law all` |
+| cycles of the image in flight, by function | `cargo lab profile --report report/profile.html` |
+| worst case of the stack; against the compiler's figures | `cargo lab stack`; `python3 tools/stack_check.py` |
 | speed of the emulator | `cargo run --release -p samd21 --example speed` |
 | the emulated core against an independent one | `python3 samd21/tools/differential.py --sequences 100000 --seed 20` |
 | 4,500 fuzzed cases of every filter | `PROPTEST_CASES=4500 cargo test -p tvc-fusion --test suite survives_anything` |
-| the module for Python against `tvc fuse`, every line of 39 tables | `pip install ./python && python python/tests/same_as_tvc.py target/debug/tvc` |
-| the page of `tvc web` in a browser | `python3 tools/web_check.py` |
-| from a blank vehicle to a report in the page alone | `python3 tools/set_up_check.py` |
-| whether a reset by the firmware cuts a servo pulse; what each bit of the servo timer does | `cargo lab faults --resets`, `cargo lab faults --timer-bits` |
-| how long a vehicle takes to neutral in 100 flights ended by signals, SIGKILL and a pulled cable | `cargo test -p ground --test real_time -- --ignored --nocapture hundred` |
-| what the firmware does to sound vehicles: hours of hover, of motion, of saves, 10^7 frames | `cargo lab faults --sound`, with the [options of the long ones](faults.md#sound-vehicles) |
+| the Python module against `tvc fuse` | `pip install ./python && python python/tests/same_as_tvc.py target/debug/tvc` |
+| the page of `tvc web` in a browser; from a blank vehicle to a report | `python3 tools/web_check.py`; `python3 tools/set_up_check.py` |
+| pulses cut by a reset; each bit of the servo's timer | `cargo lab faults --resets`; `cargo lab faults --timer-bits` |
+| sound vehicles: hours of hover, motion and saves, 10^7 frames | `cargo lab faults --sound`, with [long options](faults.md#sound-vehicles) |
+| time to neutral after signals, SIGKILL and a pulled cable | `cargo test -p ground --test real_time -- --ignored --nocapture hundred` |
 | a million hostile requests against `tvc web` | `HOSTILE=1000000 cargo test -p ground --test real_time -- --ignored --nocapture hostile` |
-| a million mutated inputs to each reader of the tool ([readers](../CONTRIBUTING.md#readers)) | `FUZZ=1000000 TVC_IMAGE=none cargo test --profile fuzz -p lab --test fuzz -- --ignored --nocapture many_mutated` |
-| a vehicle against MAVProxy and MAVSDK | `python3 tools/stations_check.py` |
-| the image's bytes in another folder, with another `CARGO_HOME` | `tools/release.sh --check` |
-| the installed tool from an empty folder | `tools/installed_check.sh` |
-| whether the tool compiles for Windows and macOS | `tools/other_systems.sh` |
-| the real bossac against a model of the bootloader | `python3 tools/bossac_check.py IMAGE.bin` |
+| a million mutated inputs to each [reader](../CONTRIBUTING.md#readers) | `FUZZ=1000000 TVC_IMAGE=none cargo test --profile fuzz -p lab --test fuzz -- --ignored --nocapture many_mutated` |
+| MAVProxy and MAVSDK at a vehicle | `python3 tools/stations_check.py` |
+| the image's bytes in another folder | `tools/release.sh --check` |
+| the installed tool from an empty folder; on Windows and macOS | `tools/installed_check.sh`; `tools/other_systems.sh` |
+| bossac against a model of the bootloader | `python3 tools/bossac_check.py IMAGE.bin` |
 """
 
 
@@ -69,6 +66,15 @@ def tvc(*arguments, program="tvc"):
     if result.returncode not in (0, 1) or not result.stdout.strip():
         raise Failed(f"`{' '.join(command)}` ended with status {result.returncode}")
     return json.loads(result.stdout)
+
+
+def built():
+    """Commit, compiler and machine of all figures."""
+    def said(*command):
+        return subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+
+    changed = " with changes" if said("git", "status", "--porcelain", "--untracked-files=no") else ""
+    return f"commit `{said('git', 'rev-parse', '--short=8', 'HEAD')}`{changed}, {said('rustc', '--version')}"
 
 
 def lab(*arguments):
@@ -326,8 +332,8 @@ def main():
     if options.broad and not list(options.broad.glob("*.imuq")):
         parser.error(f"{options.broad} holds no .imuq file")
     broad = options.broad.resolve() if options.broad else None
-    head = ("# Measurements\n`python3 tools/measurements.py` runs the commands below and writes this page; do not edit it by "
-            "hand. Every figure is of the virtual rig. Nothing has run on a board yet.\n")
+    head = ("# Measurements\n`python3 tools/measurements.py` runs the commands below and writes this page. Every figure is of "
+            f"the virtual rig and of one image: {built()}. Nothing has run on a board yet.\n")
     try:
         with tempfile.TemporaryDirectory() as folder:
             scratch = pathlib.Path(folder)
