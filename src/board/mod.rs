@@ -231,7 +231,9 @@ impl application::Board for Board {
         self.guard.check(now);
         self.load.update(now);
         self.steps = self.steps.wrapping_add(1);
-        frame::set_neutral(end.neutral, end.state.is_armed());
+        let is_armed = end.state.is_armed();
+        flash::hold(is_armed);
+        frame::set_neutral(end.neutral, is_armed);
         // Where the timer does not take it, the next step tries again.
         let _ = self.frame.retime(end.timing);
         let code = end.state.code();

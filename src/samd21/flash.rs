@@ -6,6 +6,8 @@
 //! drone is armed; a save costs a few steps their samples, and [`super::time`], which counts
 //! SysTick's interrupts, falls behind by what was stood still.
 
+use core::sync::atomic::{AtomicBool, Ordering};
+
 use atsamd_hal::pac;
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read,
@@ -23,6 +25,14 @@ const START: usize = STORE_ADDRESS as usize;
 
 /// Longer than any operation takes.
 const LIMIT_US: u64 = 20_000;
+
+/// Whether the vehicle is armed. Nothing is written then, whatever a damaged program asks for.
+static IS_HELD: AtomicBool = AtomicBool::new(false);
+
+/// Refuses to write while the vehicle is armed.
+pub(crate) fn hold(is_armed: bool) {
+    IS_HELD.store(is_armed, Ordering::Relaxed);
+}
 
 /// The flash controller refused, or did not end.
 #[derive(Clone, Copy, Debug)]
@@ -62,6 +72,9 @@ impl Flash {
     }
 
     fn operate(&mut self, operation: Operation) -> Result<(), Refused> {
+        if IS_HELD.load(Ordering::Relaxed) {
+            return Err(Refused(NorFlashErrorKind::Other));
+        }
         self.controller
             .status()
             .modify(|_, w| w.proge().set_bit().locke().set_bit().nvme().set_bit());
