@@ -75,7 +75,7 @@ fn edge(high: bool) -> Option<u32> {
     }
 }
 
-/// Has TC5 count generator 6, which clocks the watchdog.
+/// Has TC5 count generator 7, which clocks the watchdog.
 fn count_slow_clock() {
     // SAFETY: a timer that nothing else uses, and its clocks; the main loop alone changes those.
     let (pm, gclk, timer) = unsafe {
@@ -89,7 +89,7 @@ fn count_slow_clock() {
     const COUNT: u8 = 0x10;
     pm.apbcmask().modify(|_, w| w.tc5_().set_bit());
     gclk.clkctrl()
-        .write(|w| w.id().tc4_tc5().r#gen().gclk6().clken().set_bit());
+        .write(|w| w.id().tc4_tc5().r#gen().gclk7().clken().set_bit());
     timer.ctrla().write(|w| w.enable().set_bit());
     // SAFETY: a register's address within the timer.
     timer

@@ -30,10 +30,10 @@ pub(crate) fn start(
     let mut controller = GenericClockController::with_internal_32kosc(gclk, pm, sysctrl, nvmctrl);
     let main = controller.gclk0();
     // The watchdog's own oscillator runs whatever becomes of the others: 32,768 Hz / 32. One
-    // flipped bit of the generator's number gives none that runs fast, such as 0, by which the
+    // flipped bit of the generator's number gives a generator that does not run: with 0 or 2 the
     // watchdog would reset the chip at once.
     let slow = controller.configure_gclk_divider_and_source(
-        ClockGenId::Gclk6,
+        ClockGenId::Gclk7,
         32,
         ClockSource::Osculp32k,
         false,

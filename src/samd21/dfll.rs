@@ -49,10 +49,12 @@ impl DfllCheck {
     }
 }
 
-/// Sets the DFLL to its frequency, should a register have lost that: the pulses up to a reset are
-/// to be right.
+/// Sets the DFLL to its frequency where a register has lost that: the pulses up to a reset are to be
+/// right.
 pub(crate) fn restore() {
-    set_fine(fine());
+    if !is_as_meant() {
+        set_fine(fine());
+    }
 }
 
 /// Whether processor and timer run at 48 MHz as far as registers tell: what a start with a damaged

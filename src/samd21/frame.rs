@@ -345,11 +345,13 @@ fn counts(pulse: PulseUs) -> u32 {
     COUNTS_PER_US * u32::from(pulse.0)
 }
 
+/// `false` for what is no pulse: whatever has made it, no servo is to get it.
 fn write_buffer(channel: usize, counts: u32) -> bool {
     let timer = frame_registers();
     // SYNCBUSY.CCBx.
     let synchronises = 1 << (19 + channel);
-    let ready = soon(|| timer.syncbusy().read().bits() & synchronises == 0);
+    let ready = PULSE_COUNTS.contains(&counts)
+        && soon(|| timer.syncbusy().read().bits() & synchronises == 0);
     if ready {
         // Both or neither: the watchdog's early warning may write them, too.
         critical_section::with(|_| {
@@ -477,7 +479,7 @@ pub(crate) fn reset_in_gap() -> ! {
 #[cfg(feature = "embedded-hal")]
 pub(crate) fn send(pulse: PulseUs) -> bool {
     let ([first, _], counts) = (SERVO_CHANNELS, counts(pulse));
-    PULSE_COUNTS.contains(&counts) && write_buffer(first, counts)
+    write_buffer(first, counts)
 }
 
 /// Time from pulse to pulse, us.

@@ -28,7 +28,7 @@ const NVIC_ENABLE: u32 = 0xE000_E100;
 const NVIC_PRIORITY: u32 = 0xE000_E400;
 
 /// GENDIV of a generator: 0 is the processor's and its peripherals', 1 that of the DFLL's
-/// reference, 6 the watchdog's.
+/// reference, 7 the watchdog's.
 const fn division(id: u8) -> Register {
     word(GCLK + 8).of(id)
 }
@@ -96,8 +96,8 @@ const TABLE: [Register; 43] = [
     // From here on, in turn. The clocks of the watchdog and of USB.
     division(1),
     generator(1),
-    division(6),
-    generator(6),
+    division(7),
+    generator(7),
     clock(0x03),
     clock(0x06),
     // The priorities of lines 0 to 3 and 8 to 15.
@@ -125,10 +125,10 @@ const PROCESSOR: [(Register, u32); 3] = [
     (generator(0).bits(0x0011_1F00), 0x0001_0700),
 ];
 
-/// The same of the watchdog: generator 6 runs from OSCULP32K (SRC 3), by 32.
+/// The same of the watchdog: generator 7 runs from OSCULP32K (SRC 3), by 32.
 const WATCHDOG: [(Register, u32); 2] = [
-    (division(6).bits(0x00FF_FF00), 32 << 8),
-    (generator(6).bits(0x0011_1F00), 0x0001_0300),
+    (division(7).bits(0x00FF_FF00), 32 << 8),
+    (generator(7).bits(0x0011_1F00), 0x0001_0300),
 ];
 
 /// Whether the processor runs at the DFLL's frequency.
