@@ -49,8 +49,8 @@ impl DfllCheck {
     }
 }
 
-/// Sets the DFLL to its frequency where a register has lost that: the pulses up to a reset are to be
-/// right.
+/// Sets the DFLL to its frequency where a register has lost that: the pulses up to a reset are to
+/// be right.
 pub(crate) fn restore() {
     if !is_as_meant() {
         set_fine(fine());

@@ -19,8 +19,8 @@
 //!
 //! A wrong bit in the midst of a word looks like a motion. Bursts with features that are rare in a
 //! sound burst are [suspect](Evidence::Suspect). After several suspect or refused bursts in a short
-//! time, the driver sets the chip up anew. A field has no range and no limit to its jumps: a passing
-//! magnet moves it as far and as fast as a wrong bit.
+//! time, the driver sets the chip up anew. A field has no range and no limit to its jumps: a magnet
+//! that passes moves it as far and as fast as a wrong bit.
 
 use super::still::Still;
 use super::{RATES, Words, rates_burst, words};
