@@ -23,7 +23,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "measurements.md"
 PICTURE = ROOT / "docs" / "flight.svg"
 SEEDS = 48
-SERVOS = {"s3003": "S3003 class, 50 Hz frame", "digital": "digital, 300 Hz frame"}
+SERVOS = {"s3003": "S3003", "digital": "digital"}
 FILTERS = [(name, scalar) for name in ("vqf", "mahony", "madgwick", "complementary") for scalar in ("f32", "fixed")]
 FILTERS.append(("kalman", "f32"))
 
