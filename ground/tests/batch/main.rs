@@ -1,6 +1,8 @@
 //! `tvc` on recordings, models, images and rigs that run as fast as the machine can: these tests
 //! keep all cores busy.
 
+mod bringup;
+mod calibrate;
 mod command_line;
 mod fuse;
 #[cfg(unix)]

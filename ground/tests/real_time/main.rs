@@ -2,8 +2,6 @@
 //!
 //! It is one program, so that these tests, which mostly wait, run beside each other.
 
-mod bringup;
-mod calibrate;
 #[cfg(unix)]
 mod commands;
 #[cfg(unix)]
