@@ -74,10 +74,18 @@ impl Server {
 
     /// The same, after a line for the shell.
     pub(crate) fn limited(port: &Path, folder: &Path, limit: &str) -> Self {
-        let port = port.to_str().unwrap();
+        Self::run(&format!("--port={}", port.display()), folder, limit)
+    }
+
+    /// At a rig in the process of `tvc web`.
+    pub(crate) fn with_rig(folder: &Path) -> Self {
+        Self::run("--rig", folder, "true")
+    }
+
+    fn run(vehicle: &str, folder: &Path, limit: &str) -> Self {
         let mut command = Command::new("sh");
         command.args(["-c", &format!("{limit}; exec \"$0\" \"$@\"")]);
-        let web = running::command(&["web", "--listen", "127.0.0.1:0", "--port", port]);
+        let web = running::command(&["web", "--listen", "127.0.0.1:0", vehicle]);
         command.arg(web.get_program()).args(web.get_args());
         command.arg("--logs").arg(folder).stderr(Stdio::piped());
         let (web, url) = Running::of(&mut command);

@@ -61,6 +61,25 @@ fn the_panel_acts_on_the_rig_before_boot_and_after() {
     page.wait("condition", |now| now["connected"] == true);
 }
 
+/// One command shows everything: the vehicle is released and stopped, and the panel acts.
+#[test]
+fn the_rig_in_the_process_is_flown_and_acted_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::with_rig(folder.path());
+    let page = server.page();
+    page.wait_for("standby");
+    page.wait("rig", |rig| rig["held"] == true && rig["usb"] == true);
+    page.arm();
+    page.press("release");
+    page.wait("rig", |rig| rig["held"] == false);
+    page.press("stop");
+    page.wait_for("standby");
+    page.act("fault unplugged");
+    page.wait("rig", |rig| rig["faults"] == json!(["unplugged"]));
+    let said = page.refused("rig", json!({ "action": "fault gremlins" }));
+    assert!(said.contains("sda-held"), "{said}");
+}
+
 #[test]
 fn what_is_no_action_comes_late_or_has_no_rig_is_refused() {
     let (folder, port, rig) = vehicle();
