@@ -11,6 +11,7 @@ mod seal;
 mod toolchain;
 
 pub use build_id::build_id;
+pub use seal::SEAL;
 pub use toolchain::Toolchain;
 
 use std::env;

@@ -10,7 +10,7 @@ use std::ops::Range;
 use std::path::Path;
 
 /// Where in the image the two words are: the reserved exceptions 7 and 8 (ARMv6-M, B1.5.2).
-const SEAL: Range<usize> = 0x1C..0x24;
+pub const SEAL: Range<usize> = 0x1C..0x24;
 /// Erased flash, between two segments.
 const ERASED: u8 = 0xFF;
 const PT_LOAD: u32 = 1;

@@ -86,7 +86,7 @@ fn fly(options: &Faults) -> Result<Verdict> {
     kind::try_folder(&options.unsafe_runs)?;
     let begun = Instant::now();
     let mut of_shard = Shard::of(options, &all)?;
-    let image = options.image.image()?;
+    let image = sealed(options.image.image()?);
     let (mut rows, mut bad) = (Vec::new(), Vec::new());
     for flown in &all {
         let base = Base::new(&image, flown)?;
@@ -125,7 +125,7 @@ fn fly(options: &Faults) -> Result<Verdict> {
 /// Carries out one run again.
 fn rerun(options: &Rerun) -> Result<Verdict> {
     let scenario = read_run(&options.file, Scenario::parse)?;
-    let image = options.image.image()?;
+    let image = sealed(options.image.image()?);
     let (flown, case) = scenario.flown(&image);
     let row = Base::new(&image, flown)?.row(flown, case)?;
     let figures = summary::figures(std::slice::from_ref(&row), None);
@@ -264,4 +264,13 @@ fn kinds(options: &Faults, flown: &Flown) -> Vec<Kind> {
         kinds.retain(|kind| options.kind.contains(kind));
     }
     kinds
+}
+/// The image, with a warning where it does not check itself.
+fn sealed(image: Image) -> Image {
+    if !image.is_sealed() {
+        eprintln!(
+            "warning: the image is not sealed and does not check itself: damage to it goes unnoticed; `cargo tvc flash --elf FILE` seals one"
+        );
+    }
+    image
 }

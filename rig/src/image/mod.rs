@@ -98,6 +98,12 @@ impl Image {
         &self.bytes
     }
 
+    /// Whether the image can check itself: only a build by `image-build` has its sums.
+    pub fn is_sealed(&self) -> bool {
+        let seal = self.bytes.get(image_build::SEAL);
+        seal.is_some_and(|seal| seal.iter().any(|byte| *byte != 0))
+    }
+
     /// The image's size in the chip's memories.
     pub fn sizes(&self) -> Sizes {
         self.sizes
