@@ -19,11 +19,6 @@ pub struct HardwareChoice {
 }
 
 impl HardwareChoice {
-    /// Whether nothing was set.
-    pub fn is_default(&self) -> bool {
-        self.settings.is_empty()
-    }
-
     /// The settings as they were given, with commas between them.
     pub fn text(&self) -> String {
         self.settings.join(",")

@@ -1,8 +1,7 @@
 //! `tvc rig`: the virtual rig in real time, for every program that opens a serial port, and a
-//! socket beside that port for what is done by hand. In this process ([`here`]) it is a way to the
-//! vehicle for every command.
+//! socket beside that port for what is done by hand. [`RigChoice`] says what a rig is like, here
+//! and for every command with `--rig`.
 
-pub mod here;
 pub mod tell;
 
 use std::path::{Path, PathBuf};

@@ -88,7 +88,7 @@ pub fn run(options: &Forward) -> Result<Verdict> {
     let mut gate = Gate::new(options.admission.clone(), options.to.ip(), signing);
     let stop = signals::on_signal()?;
     // The ground station sends the heartbeats.
-    let mut vehicle = Vehicle::at(Link::open_live(&options.port)?.without_heartbeat())?;
+    let mut vehicle = Vehicle::at(Link::open_live(&options.port)?.0.without_heartbeat())?;
     let mut tracker = StatusTracker::new(servo_maps(&mut vehicle)?);
     if let Some(log) = &options.log {
         vehicle.link().log_to(Writer::create(log, TOOL)?);

@@ -1,6 +1,7 @@
 //! The vehicle at the other end of a port, for every command that talks to it.
 
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Sender;
 use std::time::Duration;
 
 use anyhow::{Error, Result, anyhow, bail};
@@ -9,7 +10,7 @@ use client::{Client, Failure, Frame, Parameter, Request, StateKind, request};
 use mavlink::dialects::common::MavMessage;
 
 use crate::cli::TOOL;
-use crate::flight::rig::here::OnRig;
+use crate::vehicle::on_rig::{Asked, OnRig};
 use crate::vehicle::port::{Port, PortOptions};
 use crate::vehicle::way::Way;
 use flights::log::Writer;
@@ -44,15 +45,17 @@ impl Link {
         })
     }
 
-    /// As [`open`](Self::open), in real time in any case: other programs listen.
+    /// As [`open`](Self::open), in real time in any case, since other programs listen; with the
+    /// sender of actions to the rig.
     ///
     /// # Errors
     /// As [`open`](Self::open).
-    pub fn open_live(options: &PortOptions) -> Result<Self> {
-        Ok(match &options.rig {
-            Some(choice) => Self::at(OnRig::new(choice)?.in_real_time()),
-            None => Self::open(options)?,
-        })
+    pub fn open_live(options: &PortOptions) -> Result<(Self, Option<Sender<Asked>>)> {
+        let Some(choice) = &options.rig else {
+            return Ok((Self::open(options)?, None));
+        };
+        let (rig, asker) = OnRig::live(choice)?;
+        Ok((Self::at(rig), Some(asker)))
     }
 
     /// A client at an open port.

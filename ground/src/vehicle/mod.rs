@@ -9,6 +9,7 @@ pub mod forward;
 pub mod info;
 pub mod link;
 pub mod monitor;
+pub mod on_rig;
 pub mod param;
 pub mod port;
 pub mod record;

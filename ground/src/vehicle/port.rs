@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType, UsbPortInfo};
 
-use crate::flight::rig::{RigChoice, here};
+use crate::flight::rig::RigChoice;
+use crate::vehicle::on_rig;
 use crate::vehicle::way::Way;
 use clap::Args;
 #[cfg(test)]
@@ -31,7 +32,7 @@ pub struct PortOptions {
     /// Take the virtual rig instead, in this process, switched on for this command. OPTIONS are
     /// those of `tvc rig`, such as --rig='--servo digital --seed 3'.
     #[arg(long, value_name = "OPTIONS", global = true, conflicts_with = "port", num_args = 0..=1,
-        require_equals = true, default_missing_value = "", value_parser = here::choice)]
+        require_equals = true, default_missing_value = "", value_parser = on_rig::choice)]
     pub rig: Option<RigChoice>,
 }
 

@@ -3,13 +3,22 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use crate::running::{command, said, tvc};
 
 const PAGE: &str = include_str!("../../../docs/tether.md");
 /// Commands that talk to a vehicle.
-const VEHICLE: [&str; 6] = ["info", "monitor", "calibrate", "param", "test", "record"];
+const VEHICLE: [&str; 9] = [
+    "info",
+    "monitor",
+    "calibrate",
+    "param",
+    "test",
+    "record",
+    "arm",
+    "release",
+    "disarm",
+];
 /// What a person adds at the rig: its hand answers no question, and nobody presses Ctrl-C.
 const ADDED: [(&str, &[&str]); 2] = [("calibrate", &["--yes"]), ("monitor", &["--seconds", "1"])];
 /// Commands that need a board, a network, a browser or what another program has left.
@@ -39,8 +48,7 @@ fn run(line: &str, rig: &str, folder: &Path) -> (Option<i32>, String) {
     }
     let added = ADDED.iter().filter(|(command, _)| *command == name);
     words.extend(added.flat_map(|(_, added)| added.iter().copied()));
-    let mut command: Command = command(&words);
-    let output = command.current_dir(folder).output().unwrap();
+    let output = command(&words).current_dir(folder).output().unwrap();
     (output.status.code(), said(&output))
 }
 
@@ -75,7 +83,18 @@ fn the_page_leads_from_a_blank_vehicle_to_its_report() {
     ] {
         assert!(folder.join(file).exists(), "{file}");
     }
-    // What was calibrated has stayed, and nothing is left to do.
-    let (status, said) = run("info", rig, folder);
-    assert_eq!(status, Some(0), "{said}");
+    // What was calibrated has stayed: nothing is left to do, and the vehicle can be let go by hand.
+    for (line, words) in [
+        ("info", ""),
+        ("arm", ""),
+        ("release --yes --seconds 1", "released"),
+        ("disarm", ""),
+    ] {
+        let (status, said) = run(line, rig, folder);
+        assert_eq!(status, Some(0), "{line}: {said}");
+        assert!(said.contains(words), "{line}: {said}");
+    }
+    // A memory is the rig's own, or none.
+    let (status, said) = run("info", "--rig=--image image.elf --memory step.tlog", folder);
+    assert_eq!(status, Some(2), "{said}");
 }

@@ -31,7 +31,6 @@ use clap::Args;
 use tokio::runtime;
 use tokio::time::sleep;
 
-use crate::flight::rig::here::OnRig;
 use crate::signals;
 use crate::vehicle::admission::Admission;
 use crate::vehicle::link::Link;
@@ -104,17 +103,9 @@ pub fn run(options: &Web) -> Result<Verdict> {
     let stop = signals::on_signal()?;
     let listener = listen(options.listen)?;
     let address = listener.local_addr()?;
-    let (link, rig) = match &options.port.rig {
-        Some(choice) => {
-            let mut rig = OnRig::new(choice)?.in_real_time();
-            let control = RigControl::Here(rig.orderer());
-            (Link::at(rig), control)
-        }
-        None => {
-            let beside = RigControl::beside(options.port.port.as_deref());
-            (Link::open(&options.port)?, beside)
-        }
-    };
+    let (link, asker) = Link::open_live(&options.port)?;
+    let beside = || RigControl::beside(options.port.port.as_deref());
+    let rig = asker.map_or_else(beside, RigControl::Here);
     let token = Token::new()?;
     let once = Once::new()?;
     // Behind # it stays in the browser: no request carries it, and no log.

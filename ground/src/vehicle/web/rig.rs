@@ -13,8 +13,8 @@ use tokio::task::spawn_blocking;
 use tokio::time::{sleep, timeout};
 
 use super::model::Model;
-use crate::flight::rig::here::Order;
 use crate::flight::rig::{answer, control_path};
+use crate::vehicle::on_rig::Asked;
 
 /// Time between two looks at the rig.
 const LOOK: Duration = Duration::from_millis(200);
@@ -29,7 +29,7 @@ pub enum RigControl {
     /// By this socket.
     Socket(PathBuf),
     /// It is in this process.
-    Here(Sender<Order>),
+    Here(Sender<Asked>),
 }
 
 impl RigControl {

@@ -58,7 +58,8 @@ pub fn run(
     // The port went away while the vehicle was armed.
     let mut left_armed = false;
     while !stop.load(Ordering::Relaxed) {
-        let problem = match link.take().map_or_else(|| Link::open(port), Ok) {
+        let open = || Link::open_live(port).map(|(link, _)| link);
+        let problem = match link.take().map_or_else(open, Ok) {
             Ok(link) => {
                 let mut session = Session::new(link, model, logs);
                 let ended = session.run(&asks, stop);

@@ -10,8 +10,8 @@ use ::rig::attended::Attended;
 use anyhow::{Context, Result};
 use clap::Parser;
 
-use super::RigChoice;
-use crate::vehicle::way::Way;
+use super::way::Way;
+use crate::flight::rig::RigChoice;
 
 /// How long the rig runs between two looks at its port.
 const SLICE: Ticks = Ticks::from_ms(1);
@@ -46,8 +46,8 @@ pub fn choice(words: &str) -> Result<RigChoice, String> {
     }
 }
 
-/// An order to the rig, and who waits for the answer.
-pub type Order = (String, Sender<String>);
+/// An action that the rig is asked for, and who waits for the answer.
+pub type Asked = (String, Sender<String>);
 
 /// The rig.
 pub struct OnRig {
@@ -57,7 +57,7 @@ pub struct OnRig {
     speed: Option<f64>,
     /// When the rig's clock is to have come to where it is.
     due: Instant,
-    orders: Option<Receiver<Order>>,
+    actions: Option<Receiver<Asked>>,
     /// Bytes that have not been sent yet.
     typed: Vec<u8>,
 }
@@ -79,22 +79,21 @@ impl OnRig {
             choice: choice.clone(),
             speed: choice.speed.or(real_time),
             due: Instant::now(),
-            orders: None,
+            actions: None,
             typed: Vec::new(),
         })
     }
 
-    /// Runs in real time, whoever watches: other programs listen.
-    pub fn in_real_time(mut self) -> Self {
-        self.speed.get_or_insert(1.0);
-        self
-    }
-
-    /// Does what the sender orders.
-    pub fn orderer(&mut self) -> Sender<Order> {
-        let (orderer, orders) = channel();
-        self.orders = Some(orders);
-        orderer
+    /// As [`new`](Self::new), in real time in any case, and it does what the sender asks for.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn live(choice: &RigChoice) -> Result<(Self, Sender<Asked>)> {
+        let (asker, actions) = channel();
+        let mut rig = Self::new(choice)?;
+        rig.speed.get_or_insert(1.0);
+        rig.actions = Some(actions);
+        Ok((rig, asker))
     }
 
     /// Runs for a slice; the bytes that the image has sent.
@@ -105,7 +104,7 @@ impl OnRig {
                 eprintln!("{at_s:9.3} s  {line}");
             }
         };
-        for (line, answer) in self.orders.iter().flat_map(Receiver::try_iter) {
+        for (line, answer) in self.actions.iter().flat_map(Receiver::try_iter) {
             // Who asked may be gone.
             let _ = answer.send(self.attended.act(&line, report));
         }
