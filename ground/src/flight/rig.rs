@@ -253,10 +253,11 @@ impl RigChoice {
         config.bench.faults = scenario.faults;
         let mut rig = ::rig::Rig::new(&self.image.image()?, &config)?;
         if let Some(path) = self.memory.as_deref().filter(|path| path.exists()) {
-            let bytes = input::bytes(path, rig.stored().len() as u64)?;
-            let whole = bytes.as_slice().try_into().map_err(|_| {
-                BadInput::new(format!("{} is not the memory of a rig", path.display()))
-            })?;
+            let refuse = |why: &str| BadInput::new(format!("--memory {} {why}", path.display()));
+            let bytes = input::bytes(path, rig.stored().len() as u64)
+                .map_err(|error| refuse(&format!("cannot be read: {error}")))?;
+            let whole = bytes.as_slice().try_into();
+            let whole = whole.map_err(|_| refuse("is not the memory of a rig"))?;
             rig.load_stored(whole);
         }
         let start_rad = [self.tilt, self.roll];
