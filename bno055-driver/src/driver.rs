@@ -9,7 +9,6 @@ use crate::request::{Answer, Request};
 use crate::sample::{self, Evidence, Judged};
 use crate::startup::{Goal, Progress, Startup};
 use crate::status::Identity;
-use crate::verify::Check;
 use sampling::{Errand, Sampling};
 use tvc_imu::{
     Bursts, BusError, Imu, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer,
@@ -210,11 +209,15 @@ impl Driver {
             sample,
             fresh,
             evidence,
+            cleared,
         }) = judged
         else {
             return self.conclude(time, judged.map(|judged| judged.sample));
         };
         self.health.fresh = self.health.fresh.wrapping_add(u32::from(fresh));
+        if cleared {
+            sampling.clear();
+        }
         if sampling.weigh(evidence) {
             self.conclude(time, Ok(sample))
         } else {
@@ -269,13 +272,11 @@ impl Driver {
             return;
         };
         let judged =
-            received(outcome, 0).and_then(|bytes| sampling.check.judge(bytes, &self.config));
+            received(outcome, 0).and_then(|bytes| sampling.check().judge(bytes, &self.config));
         match judged {
             Ok(()) => {
                 self.health.verified = self.health.verified.wrapping_add(1);
-                sampling.check = sampling.check.next();
-                sampling.mismatched = false;
-                sampling.due = false;
+                sampling.right_register();
             }
             Err(fault) if fault.is_bus() || fault == SensorFault::AllOnes => {
                 sampling.due = false;
@@ -300,7 +301,7 @@ impl Driver {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return Err(self.cause());
         };
-        sampling.due = true;
+        sampling.burst_ended();
         let fault = match judged {
             Ok(data) => {
                 if sampling.good_sample() {
@@ -330,7 +331,7 @@ impl Driver {
     /// Draws the conclusions from a failed burst.
     fn no_data<T>(&mut self, time: Micros, fault: SensorFault) -> Result<T, SensorFault> {
         if let Phase::Sampling(sampling) = &mut self.phase {
-            sampling.due = true;
+            sampling.burst_ended();
         }
         self.bus_error(time, fault);
         Err(fault)
@@ -344,9 +345,7 @@ impl Driver {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return;
         };
-        if !sampling.mismatched {
-            sampling.check = Check::Mode;
-        }
+        sampling.suspect_reset();
         let since = *sampling.silent_since.get_or_insert(now);
         if now.since(since) >= GLITCH_US {
             self.restart(now, fault);
@@ -381,7 +380,7 @@ impl Imu for Driver {
                     Next::Transfer(request.read())
                 } else if sampling.due {
                     sampling.outstanding = Some(Errand::Verify);
-                    Next::Transfer(sampling.check.transfer(sampling.mismatched))
+                    Next::Transfer(sampling.check().transfer(sampling.mismatched))
                 } else {
                     Next::Sample
                 }

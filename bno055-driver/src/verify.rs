@@ -18,6 +18,9 @@ pub(crate) enum Check {
     AxisSign = reg::AXIS_MAP_SIGN,
     System = reg::SYS_STATUS,
     Power = reg::PWR_MODE,
+    /// The four identifications, which never change: they show whether the bus can be trusted. Not
+    /// one of the round.
+    Identity = reg::CHIP_ID,
 }
 
 impl Check {
@@ -30,15 +33,19 @@ impl Check {
             Self::AxisMap => Self::AxisSign,
             Self::AxisSign => Self::System,
             Self::System => Self::Power,
-            Self::Power => Self::Mode,
+            Self::Power | Self::Identity => Self::Mode,
         }
     }
 
-    /// The read of one register between two bursts. With `again`, a read of the status includes the
-    /// error in the next register.
+    /// The read between two bursts: one register, or the four of the identity. With `again`, a read
+    /// of the status includes the error in the next register.
     pub(crate) const fn transfer(self, again: bool) -> Transfer {
-        let two = again && matches!(self, Self::System);
-        Transfer::read(self as u8, if two { 2 } else { 1 })
+        let len = match self {
+            Self::Identity => reg::IDS.len() as u8,
+            Self::System if again => 2,
+            _ => 1,
+        };
+        Transfer::read(self as u8, len)
     }
 
     /// The fault in the answer, if any.
@@ -55,6 +62,10 @@ impl Check {
             Self::AxisMap => (0x3F, map),
             Self::AxisSign => (0x07, sign),
             Self::Power => (0x03, config.power as u8),
+            Self::Identity => {
+                let ids = bytes.try_into().map_err(|_| SensorFault::Protocol)?;
+                return identify(ids, config);
+            }
             Self::System => {
                 let (status, error) = match *bytes {
                     [status] => (status, 0),
@@ -80,4 +91,19 @@ impl Check {
             }),
         }
     }
+}
+
+/// The fault that identifications show, if any: CHIP_ID, ACC_ID, MAG_ID and GYR_ID.
+pub(crate) fn identify(ids: [u8; 4], config: &Config) -> Result<(), SensorFault> {
+    for (sensor, (found, right)) in (reg::CHIP_ID..).zip(ids.into_iter().zip(reg::IDS)) {
+        if found == right || sensor == reg::MAG_ID && !config.needs_mag {
+            continue;
+        }
+        return Err(match sensor {
+            reg::CHIP_ID if found == 0xFF => SensorFault::AllOnes,
+            reg::CHIP_ID => SensorFault::WrongChip { found },
+            _ => SensorFault::DeadSensor { sensor, found },
+        });
+    }
+    Ok(())
 }

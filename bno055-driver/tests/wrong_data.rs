@@ -5,7 +5,9 @@ mod fake;
 use std::cell::Cell;
 
 use bno055_driver::config::{GyrRange, Sensors};
-use bno055_driver::{BusError, Config, Driver, Imu, Micros, Next, RawSample, SensorFault};
+use bno055_driver::{
+    BusError, Config, Driver, Imu, Micros, Next, RawSample, SensorFault, Transfer,
+};
 use fake::{Chip, Rig, TICK_US, flying};
 
 /// The truth that came out must be a truth the chip had at that time.
@@ -275,4 +277,117 @@ fn registers_that_read_wrong_count_like_bad_samples() {
     rig.bursts(20);
     assert_eq!(rig.driver.fault(), Some(SensorFault::Unreliable));
     assert_eq!(rig.driver.health().mismatched, 3);
+}
+
+/// A rig whose next verification is due, behind a burst with a wrong bit.
+fn in_doubt() -> Rig {
+    let mut rig = flying(Config::default());
+    let bytes = rig.chip.burst_with(|words| words[2] = i16::MIN);
+    let outcome = rig.driver.sample(Micros(rig.chip.now), Ok(&bytes));
+    assert_eq!(outcome, Err(SensorFault::Implausible));
+    rig
+}
+
+/// The registers of one verification behind each of some bursts, with the number of bytes.
+fn verifications(rig: &mut Rig, bursts: usize) -> Vec<(u8, u8)> {
+    (0..bursts)
+        .map(|_| {
+            let Next::Transfer(transfer @ Transfer::Read { register, len }) =
+                rig.driver.next(Micros(rig.chip.now))
+            else {
+                panic!("a verification is due")
+            };
+            let bytes = rig.chip.perform(&transfer);
+            rig.driver
+                .complete(Micros(rig.chip.now), bytes.as_deref().map_err(|e| *e));
+            rig.chip.now += TICK_US;
+            let burst = rig.chip.burst_with(|_| ());
+            assert!(rig.driver.sample(Micros(rig.chip.now), Ok(&burst)).is_ok());
+            (register, len)
+        })
+        .collect()
+}
+
+/// Every other verification reads four bytes that never change, until good bursts have emptied the
+/// bucket.
+#[test]
+fn a_bus_in_doubt_is_tried_with_the_identity() {
+    let read = verifications(&mut in_doubt(), 8);
+    let lengths: Vec<_> = read.iter().map(|(_, len)| *len).collect();
+    assert_eq!(lengths, [4, 1, 4, 1, 4, 1, 1, 1], "{read:?}");
+    for (register, len) in read {
+        assert_eq!(register == 0, len == 4);
+    }
+}
+
+/// A wrong bit in any byte of the identity counts like a wrong register: the second answer decides.
+#[test]
+fn an_identity_that_reads_wrong_is_read_again() {
+    for (byte, wrong) in (0..4).flat_map(|byte| [(byte, 1), (byte, 2)]) {
+        let mut rig = in_doubt();
+        let left = Cell::new(wrong);
+        rig.chip.on_wire(move |register, bytes| {
+            if register == 0 && left.get() > 0 {
+                left.set(left.get() - 1);
+                bytes[byte] ^= 0x10;
+            }
+        });
+        rig.bursts(3);
+        assert_eq!(rig.driver.health().mismatched, wrong, "byte {byte}");
+        assert_eq!(rig.driver.is_sampling(), wrong == 1, "byte {byte}");
+    }
+}
+
+/// A dead magnetometer that the configuration does without is no reason to doubt the bus.
+#[test]
+fn an_identity_without_a_magnetometer_is_right() {
+    let mut rig = flying(Config {
+        needs_mag: false,
+        ..Config::default()
+    });
+    rig.chip.pages[0][2] = 0;
+    let bytes = rig.chip.burst_with(|words| words[2] = i16::MIN);
+    let outcome = rig.driver.sample(Micros(rig.chip.now), Ok(&bytes));
+    assert_eq!(outcome, Err(SensorFault::Implausible));
+    assert!(verifications(&mut rig, 4).contains(&(0, 4)));
+    assert_eq!(rig.driver.health().mismatched, 0);
+}
+
+/// A vibration may cross -1 at every other burst; a wire makes a word of -1 and gives the old word
+/// back.
+#[test]
+fn words_of_ones_between_both_sides_are_motion() {
+    for (other, believed) in [(-300, true), (-20, true), (300, false)] {
+        let mut rig = flying(Config::default());
+        let tick = Cell::new(0);
+        rig.chip.on_wire(move |register, bytes| {
+            if register == 8 {
+                tick.set(tick.get() + 1);
+                let acc: i16 = [300, -1, other, -1][tick.get() % 4];
+                bytes[..2].copy_from_slice(&acc.to_le_bytes());
+            }
+        });
+        rig.bursts(60);
+        assert_eq!(rig.driver.is_sampling(), believed, "300, -1, {other}");
+    }
+}
+
+/// An owner whose gap between two bursts is too short for the identity gets a shorter verification
+/// behind the next burst.
+#[test]
+fn an_identity_that_is_not_read_gives_way() {
+    let mut rig = in_doubt();
+    let verification = rig.driver.next(Micros(rig.chip.now));
+    assert!(matches!(
+        verification,
+        Next::Transfer(Transfer::Read { len: 4, .. })
+    ));
+    rig.chip.now += TICK_US;
+    let bytes = rig.chip.burst_with(|_| ());
+    assert!(rig.driver.sample(Micros(rig.chip.now), Ok(&bytes)).is_ok());
+    let next = rig.driver.next(Micros(rig.chip.now));
+    assert!(matches!(
+        next,
+        Next::Transfer(Transfer::Read { len: 1, .. })
+    ));
 }

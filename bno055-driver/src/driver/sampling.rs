@@ -23,7 +23,10 @@ const UNRELIABLE_MAX: u8 = 9;
 /// What the driver keeps while the chip samples.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sampling {
-    pub(super) check: Check,
+    /// The next check of the round.
+    check: Check,
+    /// The identity is read instead, because the bus is in doubt.
+    in_doubt: bool,
     /// A burst has been judged since the last verification, so the next verification may follow.
     pub(super) due: bool,
     /// The transfer from [`next`](tvc_imu::Imu::next) without an outcome yet.
@@ -52,10 +55,52 @@ impl Sampling {
         }
     }
 
+    /// The check that the next verification makes.
+    pub(super) fn check(&self) -> Check {
+        if self.in_doubt {
+            Check::Identity
+        } else {
+            self.check
+        }
+    }
+
+    /// A register read right. As long as the bus is in doubt, every other verification reads the
+    /// identity.
+    pub(super) fn right_register(&mut self) {
+        if !self.in_doubt {
+            self.check = self.check.next();
+        }
+        self.in_doubt = !self.in_doubt && self.unreliable > 0;
+        self.mismatched = false;
+        self.due = false;
+    }
+
+    /// A burst has ended. A verification without an outcome was not made: the owner had no time for
+    /// so long a transfer, so that a shorter one follows.
+    pub(super) fn burst_ended(&mut self) {
+        self.due = true;
+        if self.outstanding == Some(Errand::Verify) {
+            self.in_doubt = false;
+        }
+    }
+
+    /// The next verification reads the mode: the chip may have reset itself.
+    pub(super) fn suspect_reset(&mut self) {
+        if !self.mismatched {
+            self.check = Check::Mode;
+            self.in_doubt = false;
+        }
+    }
+
     /// Counts a wrong answer; true if there were too many to trust the right answers.
     fn distrust(&mut self, weight: u8) -> bool {
         self.unreliable = self.unreliable.saturating_add(weight);
         self.unreliable >= UNRELIABLE_MAX
+    }
+
+    /// Takes back the weight of a suspect burst that motion explains.
+    pub(super) fn clear(&mut self) {
+        self.unreliable = self.unreliable.saturating_sub(SUSPECT_WEIGHT);
     }
 
     /// Counts the evidence of an accepted burst on the wire; whether the burst is still trusted.
@@ -65,10 +110,19 @@ impl Sampling {
                 self.unreliable = self.unreliable.saturating_sub(1);
             }
             Evidence::Sound | Evidence::Little => {}
-            Evidence::Suspect => return !self.distrust(SUSPECT_WEIGHT),
+            Evidence::Suspect => {
+                self.doubt();
+                return !self.distrust(SUSPECT_WEIGHT);
+            }
         }
         true
     }
+
+    /// The next verification reads the identity, unless a register is to be read again.
+    fn doubt(&mut self) {
+        self.in_doubt |= !self.mismatched;
+    }
+
     /// Notes an accepted sample; whether it may be given out.
     pub(super) fn good_sample(&mut self) -> bool {
         self.silent_since = None;
@@ -80,8 +134,10 @@ impl Sampling {
     pub(super) fn bad_sample(&mut self, fault: SensorFault) -> Option<SensorFault> {
         self.bad_samples = self.bad_samples.saturating_add(1);
         let unreliable = self.distrust(WRONG_WEIGHT);
-        if fault == SensorFault::AllZero && !self.mismatched {
-            self.check = Check::Mode;
+        if fault == SensorFault::AllZero {
+            self.suspect_reset();
+        } else {
+            self.doubt();
         }
         let most = match fault {
             SensorFault::Frozen => 1,

@@ -62,6 +62,7 @@ pub(crate) struct Inspector {
     still: Still,
     /// Rates of the last burst, if they were held back.
     held: Option<[i16; 3]>,
+    ones: Ones,
 }
 
 /// A burst that was accepted.
@@ -71,6 +72,8 @@ pub(crate) struct Judged {
     /// Whether it differs from the burst before.
     pub(crate) fresh: bool,
     pub(crate) evidence: Evidence,
+    /// An earlier burst was suspect for words of -1, and motion explains them.
+    pub(crate) cleared: bool,
 }
 
 /// Evidence of an accepted burst on the wire.
@@ -139,8 +142,9 @@ impl Inspector {
         };
         let is_confirmed = held.is_some_and(|held| !moved(&held, &sample.gyr, jump));
         let mut is_suspect = held.is_some() && !is_confirmed && !behind_failure;
+        let mut cleared = false;
         if let Some(good) = good {
-            let [acc, mag, gyr] = ones_from_afar(&good, &now);
+            let [acc, mag, gyr] = self.ones.look(&good, &now, &mut cleared);
             is_suspect |= acc || mag || gyr;
             if !is_confirmed && (gyr || moved(&good.gyr(), &sample.gyr, jump)) {
                 self.held = Some(sample.gyr);
@@ -157,6 +161,7 @@ impl Inspector {
             sample,
             fresh,
             evidence,
+            cleared,
         })
     }
 
@@ -244,15 +249,50 @@ fn out_of_range(config: &Config, Words([acc, mag, gyr]): &Words) -> bool {
         || config.needs_mag && config.mode.has_mag() && *mag == [0; 3]
 }
 
-/// The sensors of which a word is -1 from farther than [`NEAR`].
-fn ones_from_afar(Words(good): &Words, Words(now): &Words) -> [bool; 3] {
-    let mut sensors = now.iter().zip(good).zip(NEAR);
-    [(); 3].map(|()| {
-        sensors.next().is_some_and(|((now, good), near)| {
-            let mut words = now.iter().zip(good);
-            words.any(|(&now, &good)| now == -1 && good.abs_diff(-1) > near)
-        })
-    })
+/// Words of -1: what a data line shows that nobody drives, and what motion passes.
+#[derive(Clone, Debug)]
+struct Ones {
+    /// What each word was before it came to -1 from afar; -1 if it did not.
+    from: Words,
+}
+
+impl Default for Ones {
+    fn default() -> Self {
+        Self {
+            from: Words([[-1; 3]; 3]),
+        }
+    }
+}
+
+impl Ones {
+    /// The sensors of which a word has come to -1 from farther than [`NEAR`]. `crossed` says that a word
+    /// went on from -1 as in motion, and that none jumped back.
+    fn look(&mut self, Words(good): &Words, Words(now): &Words, crossed: &mut bool) -> [bool; 3] {
+        let mut returned = false;
+        let mut sensors = now.iter().zip(good).zip(&mut self.from.0).zip(NEAR);
+        let came = [(); 3].map(|()| {
+            let Some((((now, good), from), near)) = sensors.next() else {
+                return false;
+            };
+            let mut came = false;
+            for ((&now, &good), from) in now.iter().zip(good).zip(from) {
+                if now == -1 {
+                    if *from == -1 && good.abs_diff(-1) > near {
+                        *from = good;
+                        came = true;
+                    }
+                } else if *from != -1 {
+                    let back = (*from < -1) == (now < -1) && now.abs_diff(-1) > near;
+                    returned |= back;
+                    *crossed |= !back;
+                    *from = -1;
+                }
+            }
+            came
+        });
+        *crossed &= !returned;
+        came
+    }
 }
 
 /// Whether any word has moved by more than `limit`.

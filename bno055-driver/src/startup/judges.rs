@@ -2,10 +2,11 @@
 
 use super::{SetupStep, Verdict};
 use crate::config::Config;
-use crate::registers::{self as reg, IDS};
+use crate::registers as reg;
 use crate::request::Request;
 use crate::settings::Setting;
 use crate::status::{Identity, SystemStatus};
+use crate::verify;
 use tvc_imu::{SensorFault, Transfer};
 
 /// Pause before a second read of a register that does not hold the written value yet.
@@ -18,17 +19,8 @@ pub(super) fn identify(bytes: &[u8], config: &Config, identity: &mut Identity) -
     let &[chip, acc, mag, gyr, low, high, bootloader, page] = bytes else {
         return Verdict::Fail(SensorFault::Protocol);
     };
-    let [right_chip, right @ ..] = IDS;
-    if chip == 0xFF {
-        return Verdict::Fail(SensorFault::AllOnes);
-    }
-    if chip != right_chip {
-        return Verdict::Fail(SensorFault::WrongChip { found: chip });
-    }
-    for (sensor, (found, right)) in (1..).zip([acc, mag, gyr].into_iter().zip(right)) {
-        if found != right && (sensor != reg::MAG_ID || config.needs_mag) {
-            return Verdict::Fail(SensorFault::DeadSensor { sensor, found });
-        }
+    if let Err(fault) = verify::identify([chip, acc, mag, gyr], config) {
+        return Verdict::Fail(fault);
     }
     if page != 0 {
         return Verdict::Fail(SensorFault::Configuration {

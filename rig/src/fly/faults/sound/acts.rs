@@ -281,13 +281,18 @@ impl Acts {
     }
 }
 
+/// How far a vibration moves a sensor whose mount is sound, m.
+const EXCURSION_M: f64 = 1e-3;
+
 fn vibration(dice: &mut impl Rng) -> Vibration {
     let (harmonics, wander_pct) = (dice.random_range(0..=4), dice.random_range(0.0..20.0));
     let highest = f64::from(1 + harmonics) * (1.0 + wander_pct / 100.0);
+    let frequency_hz = octaves(20.0..Vibration::HIGHEST_HZ / highest, dice);
+    let widest_m_s2 = (std::f64::consts::TAU * frequency_hz).powi(2) * EXCURSION_M;
     Vibration {
-        acc_m_s2: octaves(0.5..40.0, dice),
+        acc_m_s2: octaves(0.5..widest_m_s2.min(40.0), dice),
         rate_dps: None,
-        frequency_hz: octaves(20.0..Vibration::HIGHEST_HZ / highest, dice),
+        frequency_hz,
         harmonics,
         wander_pct,
     }
