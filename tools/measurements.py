@@ -43,7 +43,7 @@ BY_COMMAND = """\
 | the Python module against `tvc fuse` | `pip install ./python && python python/tests/same_as_tvc.py target/debug/tvc` |
 | the page of `tvc web` in a browser; from a blank vehicle to a report | `python3 tools/web_check.py`; `python3 tools/set_up_check.py` |
 | pulses cut by a reset; each bit of the servo's timer | `cargo lab faults --resets`; `cargo lab faults --timer-bits` |
-| sound vehicles: hours of hover, motion and saves, 10^7 frames | `cargo lab faults --sound`, with [long options](faults.md#sound-vehicles) |
+| sound vehicles: hours of hover, motion and saves, 10^7 frames | `cargo lab faults --sound`, with [long options](campaigns.md#sound-vehicles) |
 | time to neutral after signals, SIGKILL and a pulled cable | `cargo test -p ground --test real_time -- --ignored --nocapture hundred` |
 | a million hostile requests against `tvc web` | `HOSTILE=1000000 cargo test -p ground --test real_time -- --ignored --nocapture hostile` |
 | a million mutated inputs to each [reader](../CONTRIBUTING.md#readers) | `FUZZ=1000000 TVC_IMAGE=none cargo test --profile fuzz -p lab --test fuzz -- --ignored --nocapture many_mutated` |
