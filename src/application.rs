@@ -30,7 +30,7 @@ const IDLE_TURN_US: u64 = 10_000;
 
 /// Steps from one piece of a save to the next: the processor stands still for a piece, which may
 /// cost a sample, and the self-test asks for 95 of the 150 that come in a second.
-const SAVE_STEPS: u8 = 8;
+const SAVE_STEPS: u8 = 4;
 
 /// What the main loop wakes up for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
