@@ -5,7 +5,13 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Folders of what the image is made from.
-const SOURCES: [&str; 4] = ["src", "fusion/src", "pid/src", "bno055-driver/src"];
+pub(crate) const SOURCES: [&str; 5] = [
+    "src",
+    "fusion/src",
+    "pid/src",
+    "imu/src",
+    "bno055-driver/src",
+];
 
 /// The build id of the image that a source tree makes: FNV-1a over names and contents of its
 /// sources. The vehicle tells the first eight of its sixteen digits.

@@ -28,7 +28,7 @@ const FIRMWARE: &str = "tvc-nano";
 
 /// What the firmware is made from, below its tree: a build script that embeds it runs again when
 /// one of these changes.
-pub const FIRMWARE_SOURCES: [&str; 8] = [
+pub const FIRMWARE_SOURCES: [&str; 9] = [
     "Cargo.toml",
     "Cargo.lock",
     "build.rs",
@@ -36,6 +36,7 @@ pub const FIRMWARE_SOURCES: [&str; 8] = [
     "src",
     "fusion/src",
     "pid/src",
+    "imu/src",
     "bno055-driver/src",
 ];
 
@@ -198,6 +199,8 @@ fn run(command: &mut Command) -> Result<Output, BuildError> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn tree() -> &'static Path {
@@ -216,6 +219,30 @@ mod tests {
     fn all_that_the_firmware_is_made_from_is_there() {
         for source in FIRMWARE_SOURCES {
             assert!(tree().join(source).exists(), "{source}");
+        }
+        for source in build_id::SOURCES {
+            assert!(FIRMWARE_SOURCES.contains(&source), "{source}");
+        }
+    }
+
+    #[test]
+    fn the_build_id_covers_every_crate_that_the_firmware_depends_on() {
+        let manifest = fs::read_to_string(tree().join("Cargo.toml")).unwrap();
+        let (_, after) = manifest.split_once("\n[dependencies]\n").unwrap();
+        let (dependencies, _) = after.split_once("\n[").unwrap();
+        let crates: Vec<_> = dependencies
+            .lines()
+            .filter_map(|line| line.strip_suffix(".workspace = true"))
+            .filter_map(|name| {
+                let row = format!("\n{name} = {{ path = \"");
+                let (_, path) = manifest.split_once(&row)?;
+                path.split('"').next()
+            })
+            .collect();
+        assert_eq!(crates.len(), 4, "{crates:?}");
+        for folder in crates {
+            let sources = format!("{folder}/src");
+            assert!(build_id::SOURCES.contains(&sources.as_str()), "{sources}");
         }
     }
 }
