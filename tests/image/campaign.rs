@@ -95,7 +95,7 @@ fn faults_beyond_the_sensor_never_drive_a_rudder_wrongly_for_long() {
     beyond_the_sensor(&ready(), ServoKind::S3003);
 }
 
-/// Beyond the sensor: of every kind a few. What a campaign of thousands shows is in docs/campaigns.md.
+/// Beyond the sensor: of every kind a few. docs/reference/campaigns.md has what thousands showed.
 pub(crate) fn beyond_the_sensor(ready: &Ready, servo: ServoKind) {
     let campaign = Campaign::new(ready, f64::from(servo.frame_hz()), Phase::Flight, 1).unwrap();
     let (mut restarted, mut noticed, mut harmless) = (0, 0, 0);

@@ -19,8 +19,9 @@
 //!
 //! A wrong bit in the midst of a word looks like a motion. Bursts with features that are rare in a
 //! sound burst are [suspect](Evidence::Suspect). After several suspect or refused bursts in a short
-//! time, the driver sets the chip up anew. A field has no range and no limit to its jumps: a magnet
-//! that passes moves it as far and as fast as a wrong bit.
+//! time, the driver sets the chip up anew. A vibration crosses -1 often. The next burst tells such
+//! a crossing, which clears the suspicion, from a word that comes back. A field has no range and no
+//! limit to its jumps: a magnet that passes moves it as far and as fast as a wrong bit.
 
 use super::still::Still;
 use super::{RATES, Words, rates_burst, words};
@@ -265,8 +266,8 @@ impl Default for Ones {
 }
 
 impl Ones {
-    /// The sensors of which a word has come to -1 from farther than [`NEAR`]. `crossed` says that a word
-    /// went on from -1 as in motion, and that none jumped back.
+    /// The sensors of which a word has come to -1 from farther than [`NEAR`]. `crossed` says that
+    /// a word went on from -1 as in motion, and that no word jumped back.
     fn look(&mut self, Words(good): &Words, Words(now): &Words, crossed: &mut bool) -> [bool; 3] {
         let mut returned = false;
         let mut sensors = now.iter().zip(good).zip(&mut self.from.0).zip(NEAR);

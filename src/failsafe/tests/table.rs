@@ -1,5 +1,5 @@
 //! The edges as a table, `tests/data/states/supervisor.txt`, and as the diagram of
-//! `docs/states.md`.
+//! `docs/reference/states.md`.
 
 use std::collections::BTreeMap;
 
@@ -109,7 +109,7 @@ fn the_table_of_edges_is_the_kept_one() {
         },
     );
     assert_kept("tests/data/states/supervisor.txt", &render(&table, &names));
-    assert_part_kept("docs/states.md", "diagram", &diagram(&edges));
+    assert_part_kept("docs/reference/states.md", "diagram", &diagram(&edges));
     let figures = format!("- the supervisor alone: {states} states, {count} edges\n");
-    assert_part_kept("docs/states.md", "supervisor", &figures);
+    assert_part_kept("docs/reference/states.md", "supervisor", &figures);
 }

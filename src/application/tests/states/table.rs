@@ -1,5 +1,5 @@
-//! The edges as a table, `tests/data/states/vehicle.txt`, and the orders as `docs/states.md` has
-//! them.
+//! The edges as a table, `tests/data/states/vehicle.txt`, and the orders as
+//! `docs/reference/states.md` has them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::format;
@@ -107,7 +107,7 @@ fn orders(edges: &[&Edge]) -> String {
 pub(super) fn assert_is_kept(found: &[Found]) {
     let edges: Vec<&Edge> = found.iter().flat_map(|found| &found.edges).collect();
     assert_kept("tests/data/states/vehicle.txt", &render(&edges));
-    assert_part_kept("docs/states.md", "orders", &orders(&edges));
+    assert_part_kept("docs/reference/states.md", "orders", &orders(&edges));
     let figures = found.iter().map(
         |Found {
              name,
@@ -118,5 +118,9 @@ pub(super) fn assert_is_kept(found: &[Found]) {
             format!("- {name}: {states} states, {edges} edges\n")
         },
     );
-    assert_part_kept("docs/states.md", "vehicle", &figures.collect::<String>());
+    assert_part_kept(
+        "docs/reference/states.md",
+        "vehicle",
+        &figures.collect::<String>(),
+    );
 }
