@@ -1,4 +1,4 @@
-//! Who may name what: the layers of docs/architecture.md, read from the sources.
+//! Who may name what: the layers of docs/explanation/architecture.md, read from the sources.
 //!
 //! Comments and tests may name anything.
 

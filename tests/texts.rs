@@ -1,5 +1,5 @@
-//! docs/troubleshooting.md has every text that the vehicle can say: as literal texts, up to the
-//! number or address that differs from case to case.
+//! docs/guides/troubleshooting.md and docs/reference/texts.md have every text that the vehicle can
+//! say: as literal texts, up to the number or address that differs from case to case.
 
 use tvc_imu::SensorFault;
 use tvc_nano::failsafe::{Command, RefusalKind, StateCode, StateKind};
@@ -8,14 +8,17 @@ use tvc_nano::servo::PulseUs;
 use tvc_nano::store::{Loaded, SaveError};
 use tvc_nano::{Axis, Params};
 
-const PAGE: &str = include_str!("../docs/troubleshooting.md");
+const PAGES: [&str; 2] = [
+    include_str!("../docs/guides/troubleshooting.md"),
+    include_str!("../docs/reference/texts.md"),
+];
 
 fn assert_described(text: impl ToString) {
     let text = text.to_string();
     let fixed = text.split("0x").next().unwrap().trim_end();
     assert!(
-        PAGE.contains(fixed),
-        "docs/troubleshooting.md lacks `{fixed}`"
+        PAGES.iter().any(|page| page.contains(fixed)),
+        "docs/reference/texts.md lacks `{fixed}`"
     );
 }
 

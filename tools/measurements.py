@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Write docs/measurements.md and docs/flight.svg anew: every figure comes from a command of the ground tool run with
---json, and the picture from the report of a flight.
+"""Write docs/reference/measurements.md, docs/reference/filters.md and docs/flight.svg anew: every figure comes from a command
+of the tools run with --json, and the picture from the report of a flight.
 
     python3 tools/measurements.py --broad FOLDER     all sections; takes about a quarter of an hour
     python3 tools/measurements.py --without-broad    leaves out the scores on the BROAD recordings, and says so
@@ -20,38 +20,13 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "measurements.md"
+PAGE = ROOT / "docs" / "reference" / "measurements.md"
+FILTERS_PAGE = PAGE.with_name("filters.md")
 PICTURE = ROOT / "docs" / "flight.svg"
 SEEDS = 48
 SERVOS = {"s3003": "S3003", "digital": "digital"}
 FILTERS = [(name, scalar) for name in ("vqf", "mahony", "madgwick", "complementary") for scalar in ("f32", "fixed")]
 FILTERS.append(("kalman", "f32"))
-
-# What else is measured or checked, and by which command.
-BY_COMMAND = """\
-## By command
-| question | command |
-|---|---|
-| all figures of this page | `python3 tools/measurements.py --broad FOLDER` |
-| tables of the filters' README | `python3 tools/filter_tables.py --broad FOLDER` |
-| cycles, code and stack of filters and laws | `cargo lab cycles`, `cargo lab cycles --law all` |
-| cycles of the image in flight, by function | `cargo lab profile --report report/profile.html` |
-| worst case of the stack; against the compiler's figures | `cargo lab stack`; `python3 tools/stack_check.py` |
-| speed of the emulator | `cargo run --release -p samd21 --example speed` |
-| the emulated core against an independent one | `python3 samd21/tools/differential.py --sequences 100000 --seed 20` |
-| 4,500 fuzzed cases of every filter | `PROPTEST_CASES=4500 cargo test -p tvc-fusion --test suite survives_anything` |
-| the Python module against `tvc fuse` | `pip install ./python && python python/tests/same_as_tvc.py target/debug/tvc` |
-| the page of `tvc web` in a browser; from a blank vehicle to a report | `python3 tools/web_check.py`; `python3 tools/set_up_check.py` |
-| pulses cut by a reset; each bit of the servo's timer | `cargo lab faults --resets`; `cargo lab faults --timer-bits` |
-| sound vehicles: hours of hover, motion and saves, 10^7 frames | `cargo lab faults --sound`, with [long options](campaigns.md#sound-vehicles) |
-| time to neutral after signals, SIGKILL and a pulled cable | `cargo test -p ground --test real_time -- --ignored --nocapture hundred` |
-| a million hostile requests against `tvc web` | `HOSTILE=1000000 cargo test -p ground --test real_time -- --ignored --nocapture hostile` |
-| a million mutated inputs to each [reader](../CONTRIBUTING.md#readers) | `FUZZ=1000000 TVC_IMAGE=none cargo test --profile fuzz -p lab --test fuzz -- --ignored --nocapture many_mutated` |
-| MAVProxy and MAVSDK at a vehicle | `python3 tools/stations_check.py` |
-| the image's bytes in another folder | `tools/release.sh --check` |
-| the installed tool from an empty folder; on Windows and macOS | `tools/installed_check.sh`; `tools/other_systems.sh` |
-| bossac against a model of the bootloader | `python3 tools/bossac_check.py IMAGE.bin` |
-"""
 
 
 class Failed(Exception):
@@ -139,7 +114,6 @@ def the_loop(flight, tick_cycles, stack):
         ["core awake, 1 wait state", f"{100 * loop['cpu_load']:.1f} %", ""],
         ["flash", f"{image['flash_bytes']:,} bytes", "98,304 bytes"],
         ["static RAM", f"{image['static_ram_bytes']:,} bytes", "24,576 bytes"],
-        ["deepest stack seen", f"{image['stack_high_water_bytes']:,} bytes", ""],
         ["stack, worst case",
          f"{stack['worst_bytes']:,} of {stack['room_bytes']:,} bytes ({stack['share_pct']:.1f} %)", "60 %"],
         ["messages lost", f"{flight['telemetry']['lost']} of {flight['telemetry']['messages']:,}", "0"],
@@ -175,7 +149,7 @@ def control_law(scratch):
     head = ["from 0.2 / 0.4 / 0.8 rad, by the model", "times the limit, mean", "95 %", "overshoot, 95 %",
             "with a sensor at 35 Hz, worst", "gain margin", "delay margin", "peak sensitivity"]
     text = "## Control law\n`cargo tvc tune --servo SERVO --params FILE --generations 0 --json` with the shipped gains: 50 " \
-           "flights from each tilt, and [margins](control.md) measured by flights of the model.\n\n"
+           "flights from each tilt, and [margins](../explanation/control.md) measured by flights of the model.\n\n"
     return text + table(head, rows)
 
 
@@ -228,17 +202,19 @@ def two_axes(scratch):
     for servo, title in SERVOS.items():
         flown = tvc("fly", "--vehicle", "drone2", "--servo", servo, "--seeds", 12, "--report", scratch / "two.html")
         steps.append(flown["loop"])
-        rows += [[title, f"{start['start_rad']:.1f} rad, {start['axes']}", f"{start['overshoot_pct']:.1f} %",
-                  f"{start['settling_5pct_mean_s']:.3f} / {start['settling_5pct_s']:.3f} s",
-                  "" if start["cross_coupling_pct"] is None else f"{start['cross_coupling_pct']:.1f} %"]
-                 for start in flown["starts"]]
+        for tilt in dict.fromkeys(start["start_rad"] for start in flown["starts"]):
+            starts = [start for start in flown["starts"] if start["start_rad"] == tilt]
+            coupled = max(start["cross_coupling_pct"] or 0 for start in starts)
+            rows.append([title, f"{tilt:.1f} rad",
+                         " / ".join(f"{start['overshoot_pct']:.1f}" for start in starts) + " %",
+                         " / ".join(f"{start['settling_5pct_s']:.3f}" for start in starts) + " s", f"{coupled:.1f} %"])
     dispersed = []
     for vehicle in ("drone", "drone2"):
         flown = tvc("fly", "--vehicle", vehicle, "--dispersed", 500, "--report", scratch / "dispersed.html")
         dispersed.append(f"{flown['within_pct']:.2f} % of 500 vehicles like `{vehicle}`")
     kinds = lab("faults", "--vehicle", "drone2", "--report", scratch / "faults2.html")["faults"]
     runs, unsafe = (sum(kind[key] for kind in kinds) for key in ("runs", "unsafe"))
-    head = ["servos", "start", "overshoot, worst", "5 % settling, mean / worst", "cross coupling, worst"]
+    head = ["servos", "tilt in pitch / roll / both", "overshoot, worst", "5 % settling, worst", "cross coupling, worst"]
     return ("## Two axes\n`cargo tvc fly --vehicle drone2 --servo SERVO --seeds 12 --json`: each start at headings of 0, 90 "
             "and 135 deg, without spin and with 1 rad/s. Required: as for one axis, and cross coupling 10 %.\n\n" + table(head, rows) +
             f"\nA step of both axes takes {steps[0]['cycles_per_step_mean']:,.0f} cycles without wait states, "
@@ -253,7 +229,7 @@ def rocket(scratch):
     rows = [[case["case"], f"{case['error_rms_mean_deg']:.2f} / {case['error_rms_deg']:.2f}",
              f"{case['error_max_deg']:.1f}", f"{case['error_end_deg']:.2f}",
              "" if case["tilt_sd_deg"] is None else f"{case['tilt_sd_deg']:.1f}",
-             "yes" if case["in_control"] else "no", "yes" if case["neutral_after_burnout"] else "no"]
+             "yes" if case["in_control"] and case["neutral_after_burnout"] else "no"]
             for case in flown["cases"]]
     dispersed = tvc("fly", "--vehicle", "rocket", "--dispersed", 500, "--report", scratch / "rockets.html")
     ends = []
@@ -262,16 +238,16 @@ def rocket(scratch):
                    "--report", scratch / "per_g.html")
         ends.append(f"{felt['cases'][0]['error_end_deg']:.1f} deg with {per_g} deg/s")
     head = ["airframe, control", "error rms, mean / worst, deg", "largest, deg", "at burnout, deg", "`tilt_sd`, deg",
-            "in control", "neutral after burnout"]
+            "in control, then neutral"]
     return ("## Rocket\n`cargo tvc fly --vehicle rocket --seeds 12 --json`: the true angle of the axis from the vertical, "
-            "from 2 s after the launch was seen to burnout ([the conditions](rocket.md)). Required: 2 deg rms.\n\n" + table(head, rows) +
+            "from 2 s after the launch was seen to burnout ([the conditions](../guides/rocket.md)). Required: 2 deg rms.\n\n" + table(head, rows) +
             f"\nOf 500 rockets that differ from what their images were told (`--dispersed 500`), "
             f"{dispersed['within_pct']:.2f} % stayed within 2 deg rms and in control; 99 % are required. A gyroscope whose offset shifts by "
             f"acceleration (`--hardware gyro-per-g`) is off at burnout by {' and '.join(ends)} for each g.\n")
 
 
 def hardware(scratch):
-    """Parts that differ; docs/hardware.md has the table."""
+    """Parts that differ; docs/reference/hardware.md has the table."""
     campaign = lab("hardware", "--report", scratch / "hardware.html")
     rows = campaign["rows"]
     expected = sum(row["as_expected"] for row in rows)
@@ -332,19 +308,19 @@ def main():
     if options.broad and not list(options.broad.glob("*.imuq")):
         parser.error(f"{options.broad} holds no .imuq file")
     broad = options.broad.resolve() if options.broad else None
-    head = ("# Measurements\n`python3 tools/measurements.py` runs the commands below and writes this page. Every figure is of "
-            f"the virtual rig and of one image: {built()}. Nothing has run on a board yet.\n")
+    written = ("`python3 tools/measurements.py` runs the commands below and writes this page. Every figure is of "
+               f"the virtual rig and of one image: {built()}.")
     try:
         with tempfile.TemporaryDirectory() as folder:
             scratch = pathlib.Path(folder)
             flown, picture = flights(scratch)
-            sections = [flown, control_law(scratch), monte_carlo(scratch), faults(scratch), two_axes(scratch),
-                        rocket(scratch),
-                        hardware(scratch),
-                        replays(scratch, broad), filters(broad), BY_COMMAND]
+            vehicle = [f"# Measurements\n{written} Nothing has run on a board yet. [Filters](filters.md) have their own page.\n",
+                       flown, control_law(scratch), monte_carlo(scratch), faults(scratch), two_axes(scratch),
+                       rocket(scratch), hardware(scratch)]
+            estimate = [f"# Measurements of the filters\n{written}\n", replays(scratch, broad), filters(broad)]
     except Failed as error:
         sys.exit(f"error: {error}; {PAGE.relative_to(ROOT)} is as it was")
-    for path, text in [(PAGE, "\n".join([head, *sections])), (PICTURE, picture)]:
+    for path, text in [(PAGE, "\n".join(vehicle)), (FILTERS_PAGE, "\n".join(estimate)), (PICTURE, picture)]:
         fresh = path.with_suffix(".new")
         fresh.write_text(text, encoding="utf-8")
         fresh.replace(path)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Check the prose of README.md, CONTRIBUTING.md, docs/*.md and the crates' README.md.
+"""Check the prose and the links of README.md, CONTRIBUTING.md, docs/ and the crates' README.md.
 
     python3 tools/prose.py               each finding as FILE:LINE: what: the words; status 1 where there is one
     python3 tools/prose.py FILE ...      those files alone
@@ -24,7 +24,7 @@ LONGEST_SENTENCE = 40
 LONGEST_MEAN = 18
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-PATTERNS = ["README.md", "CONTRIBUTING.md", "docs/*.md", "*/README.md"]
+PATTERNS = ["README.md", "CONTRIBUTING.md", "docs/**/*.md", "*/README.md"]
 ITEM = re.compile(r"\s*(?:[-*+]|\d+[.)])\s+")
 END = re.compile(r"(?<!e\.g\.)(?<!i\.e\.)(?<=[.!?])[\"')\]]*\s+(?=[\"'(\[]*[^\W_a-z]|[\"'(\[]*`)")
 # What stands for a space and for the end of a sentence within a code span.
@@ -101,6 +101,23 @@ def read(path):
     return (sum(lengths), len(lengths), mean, longest), sorted(found)
 
 
+def anchor(heading):
+    """The name by which a link finds a heading."""
+    return re.sub(r"[^\w\- ]", "", shown(plain(heading)).replace("`", "").lower()).replace(" ", "-")
+
+
+def broken_links(path):
+    """Links to a file or a heading that is not there, as line and words."""
+    for number, line in enumerate(path.read_text(encoding="utf-8").split("\n"), 1):
+        for file, heading in re.findall(r"\]\((?![a-z]+:)([^)#\s]*)#?([^)\s]*)\)", line):
+            target = path.parent / file if file else path
+            headings = []
+            if heading and target.suffix == ".md" and target.exists():
+                headings = re.findall(r"^#+ +(.+)$", target.read_text(encoding="utf-8"), re.MULTILINE)
+            if not target.exists() or (headings and heading not in map(anchor, headings)):
+                yield number, f"a link to nothing: {file}{'#' if heading else ''}{heading}"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="*", type=pathlib.Path, metavar="FILE")
@@ -114,6 +131,7 @@ def main():
         path = path.resolve()
         name = str(path.relative_to(ROOT)) if path.is_relative_to(ROOT) else str(path)
         (words, number, mean, longest), found = read(path)
+        found.extend(broken_links(path))
         if options.list:
             print(f"{name:<28} {words:>6} {number:>9} {mean:>5.1f} {longest:>17}")
         else:

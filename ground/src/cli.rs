@@ -83,8 +83,7 @@ pub fn command() -> clap::Command {
             help += &format!("  {name:<12}{}\n", about.cloned().unwrap_or_default());
         }
     }
-    help +=
-        "\nIn the source tree `cargo tvc` starts it. `tvc completions`, `tvc man`: docs/tool.md.";
+    help += "\nIn the source tree `cargo tvc` starts it. `tvc completions`, `tvc man`: docs/guides/tool.md.";
     command.help_template(help)
 }
 

@@ -16,7 +16,7 @@ const MOVED: [(&str, &str); 8] = [
     ("rocket", "`tvc fly --vehicle rocket`"),
     (
         "validate",
-        "a test of the crate plant, with its table in docs/model.md",
+        "a test of the crate plant, with its table in docs/explanation/model.md",
     ),
 ];
 

@@ -64,7 +64,8 @@ count the sensor's delay, the rate's filter, half a control period, the hold of 
 pulse and the servo's lag. Deadband, backlash and the speed limit have no linear part.
 Exit status: 0 done, 1 something failed, 2 unusable input.")]
 pub struct Linear {
-    /// Drone, servo and timing: a file with tables of these names, each optional (docs/model.md).
+    /// Drone, servo and timing: a file with tables of these names, each optional
+    /// (docs/explanation/model.md).
     #[arg(long, value_name = "FILE.toml")]
     pub drone: Option<PathBuf>,
 
@@ -169,7 +170,7 @@ pitch of the drone, crank, link and rudder in rad; their rates in rad/s. Angles 
 are relative to body 0. Rows stand every dt from t = 0; numbers are written so that they are read
 back exactly.
 
-A scenario in full (only `seconds` must be there; docs/model.md explains every key):
+A scenario in full (only `seconds` must be there; docs/explanation/model.md explains every key):
 
   seconds = 5.0                  # length of the run
   dt_s = 0.005                   # interval of the rows; --dt takes precedence

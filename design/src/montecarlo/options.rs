@@ -73,7 +73,8 @@ pub struct MonteCarlo {
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
     pub servo: ServoKind,
 
-    /// Nominal drone, servo and timing where they differ from the servo's preset (docs/model.md).
+    /// Nominal drone, servo and timing where they differ from the servo's preset
+    /// (docs/explanation/model.md).
     #[arg(long, value_name = "FILE.toml")]
     pub drone: Option<PathBuf>,
 

@@ -51,7 +51,8 @@ pub struct Tune {
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
     pub servo: ServoKind,
 
-    /// Drone, servo and timing where they differ from the servo's preset (docs/model.md).
+    /// Drone, servo and timing where they differ from the servo's preset
+    /// (docs/explanation/model.md).
     #[arg(long, value_name = "FILE.toml")]
     pub drone: Option<PathBuf>,
 

@@ -5,7 +5,7 @@ use clap::Args;
 
 /// Disturbances of a flight, off unless they are asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Args)]
-#[command(next_help_heading = "Disturbances (docs/faults.md has ranges and examples)")]
+#[command(next_help_heading = "Disturbances (docs/reference/faults.md has ranges and examples)")]
 pub struct Disturb {
     /// Unbalanced propeller: m/s2, Hz[, deg/s[, harmonics, wander in %]].
     #[arg(long, value_name = "ACC,HZ,...", allow_negative_numbers = true)]

@@ -13,7 +13,7 @@ pub struct HardwareChoice {
         value_name = "KEY=VALUE",
         value_delimiter = ',',
         value_parser = setting,
-        help = "Parts that differ, such as stretch=400 (docs/hardware.md)"
+        help = "Parts that differ, such as stretch=400 (docs/reference/hardware.md)"
     )]
     settings: Vec<String>,
 }

@@ -116,8 +116,8 @@ pub struct RigChoice {
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true, value_parser = offset)]
     pub cm_offset: f64,
 
-    /// A scenario, as for `tvc fly --faults` (docs/faults.md), that begins with every release, its
-    /// faults of `since = "power-on"` with every power-on.
+    /// A scenario, as for `tvc fly --faults` (docs/reference/faults.md), that begins with every
+    /// release, its faults of `since = "power-on"` with every power-on.
     #[arg(long, value_name = "FILE.toml")]
     pub faults: Option<PathBuf>,
 

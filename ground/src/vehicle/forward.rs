@@ -32,7 +32,7 @@ Examples:
   tvc forward                        QGroundControl and PlotJuggler on this computer find it
   tvc forward --to 192.168.1.20:14550    shown to a ground station elsewhere, which may ask
   tvc forward --to 192.168.1.20:14550 --accept-commands-from 192.168.1.20 --signing-key key
-                                     and may command, with that key (docs/tether.md)
+                                     and may command, with that key (docs/guides/tether.md)
   tvc forward --log flight.tlog      and keep every frame, both ways
 
 What comes back from a ground station on this computer goes to the vehicle; what comes from another one, only if it changes

@@ -146,7 +146,7 @@ fn figures(found: &Found, standing: Standing, next: &str) -> Figures {
     figures.push(match found.modem_manager {
         Some(true) => modem_manager.said(
             "ModemManager",
-            "runs, and may open a new port for some seconds: see docs/tool.md",
+            "runs, and may open a new port for some seconds: see docs/guides/tool.md",
         ),
         _ => modem_manager,
     });

@@ -204,7 +204,7 @@ pub fn run(options: &Test) -> Result<Verdict> {
     let axis = options.axis.into();
     if axis == Axis::Roll && vehicle.parameter("AXES")? != 2.0 {
         bail!(
-            "the vehicle has one axis (AXES 1), which is pitch: docs/two_axes.md adds the second"
+            "the vehicle has one axis (AXES 1), which is pitch: docs/guides/two_axes.md adds the second"
         );
     }
     vehicle.begin(stop);

@@ -1,12 +1,12 @@
-//! `docs/tether.md` from its first command to its last, in one folder, at the virtual rig in the
-//! process: a blank vehicle is set up, released, recorded and tuned without a second terminal.
+//! `docs/guides/tether.md` from its first command to its last, in one folder, at the virtual rig in
+//! the process: a blank vehicle is set up, released, recorded and tuned without a second terminal.
 
 use std::fs;
 use std::path::Path;
 
 use crate::running::{command, said, tvc};
 
-const PAGE: &str = include_str!("../../../docs/tether.md");
+const PAGE: &str = include_str!("../../../docs/guides/tether.md");
 /// Commands that talk to a vehicle.
 const VEHICLE: [&str; 9] = [
     "info",

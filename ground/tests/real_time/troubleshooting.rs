@@ -1,5 +1,5 @@
-//! docs/troubleshooting.md at the virtual rig: what its tables say about the rig is done, and leads
-//! to the texts of the row.
+//! docs/guides/troubleshooting.md at the virtual rig: what its tables say about the rig is done,
+//! and leads to the texts of the row.
 //!
 //! The column *at the rig* has code spans, done in their order: actions of `tvc rig tell`, orders
 //! (`arm`, `release`, `disarm`), parameters with a value. `in flight` means released before. The
@@ -14,7 +14,7 @@ use rig::ground_station::{GroundStation, GroundStationError};
 use rig::pilot::{Manner, Pilot};
 use rig::{Image, Ready, ServoKind, Setup, Ticks, image, prepare};
 
-const PAGE: &str = include_str!("../../../docs/troubleshooting.md");
+const PAGE: &str = include_str!("../../../docs/guides/troubleshooting.md");
 /// What a row says that this test does not try.
 const ELSEWHERE: [&str; 4] = ["not to be had", "as above", "started with", "with the tool"];
 /// Time for a row's texts.

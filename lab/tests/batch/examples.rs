@@ -52,9 +52,12 @@ fn root() -> PathBuf {
 
 /// The documents for users, by their paths from the root, and their texts.
 fn documents() -> Vec<(String, String)> {
-    let docs = fs::read_dir(root().join("docs")).unwrap();
-    let docs = docs.map(|entry| format!("docs/{}", entry.unwrap().file_name().display()));
-    let mut paths: Vec<String> = docs.filter(|path| path.ends_with(".md")).collect();
+    let folders = ["docs", "docs/guides", "docs/explanation", "docs/reference"];
+    let entries = folders.iter().flat_map(|folder| {
+        let entries = fs::read_dir(root().join(folder)).unwrap();
+        entries.map(move |entry| format!("{folder}/{}", entry.unwrap().file_name().display()))
+    });
+    let mut paths: Vec<String> = entries.filter(|path| path.ends_with(".md")).collect();
     paths.extend(["README.md", "CONTRIBUTING.md", "python/README.md"].map(str::to_owned));
     paths.sort();
     let read = |path: String| {

@@ -21,8 +21,8 @@ impl Check {
         (self.low..=self.high).contains(&self.value)
     }
 
-    /// As a row of the table in `docs/model.md`. Errors of rounding differ from machine to machine
-    /// and have no value there.
+    /// As a row of the table in `docs/explanation/model.md`. Errors of rounding differ from machine
+    /// to machine and have no value there.
     pub(crate) fn row(&self) -> String {
         let (low, high) = (self.low, self.high);
         let figure = self.figure.unwrap_or_default();

@@ -1,6 +1,6 @@
 //! The thesis' validations of its model (figures 5.8 to 5.13), repeated on the right equations, and
-//! the balances of energy and momentum, which a wrong equation does not pass. `docs/model.md` has
-//! the table, and why two of the figures cannot be reproduced.
+//! the balances of energy and momentum, which a wrong equation does not pass.
+//! `docs/explanation/model.md` has the table, and why two of the figures cannot be reproduced.
 
 mod checks;
 #[path = "../reference_states/newton_euler.rs"]
@@ -18,9 +18,9 @@ fn every_check_holds_and_stands_in_the_document() {
         .map(checks::Check::row)
         .collect();
     assert!(failed.is_empty(), "{}", failed.concat());
-    let document = include_str!("../../../docs/model.md");
+    let document = include_str!("../../../docs/explanation/model.md");
     assert!(
         document.contains(&table),
-        "docs/model.md is to have these rows:\n{table}"
+        "docs/explanation/model.md is to have these rows:\n{table}"
     );
 }

@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn the_manual_has_every_kind() {
-        let manual = include_str!("../../../docs/faults.md");
+        let manual = include_str!("../../../docs/reference/faults.md");
         for kind in FaultKind::ALL {
             assert!(manual.contains(&format!("| `{kind}` |")), "{kind}");
         }

@@ -22,8 +22,8 @@ impl ServoKind {
         }
     }
 
-    /// The parameters that the image is sent for it, as `tvc tune` found them (`docs/control.md`).
-    /// The image's own defaults are those for the analog servo.
+    /// The parameters that the image is sent for it, as `tvc tune` found them
+    /// (`docs/explanation/control.md`). The image's own defaults are those for the analog servo.
     pub fn parameters(self) -> &'static [(&'static str, f32)] {
         match self {
             Self::S3003 => &[("SRV_RATE_HZ", 50.0)],

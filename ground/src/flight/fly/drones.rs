@@ -468,7 +468,7 @@ impl Flying<'_> {
     }
 }
 
-/// The shortest 5 % settling that the rudder's speed allows, s (docs/model.md).
+/// The shortest 5 % settling that the rudder's speed allows, s (docs/explanation/model.md).
 fn limit_s(setup: &Setup, start_rad: f64) -> Result<f64> {
     let bench = &setup.rig.bench;
     let actuator = Actuator {

@@ -77,7 +77,7 @@ pub struct Fly {
     #[arg(long, value_name = "NAME", conflicts_with = "params", value_parser = filter)]
     pub filter: Option<FilterKind>,
 
-    /// Drone and servo, as `tvc identify` writes them (docs/model.md).
+    /// Drone and servo, as `tvc identify` writes them (docs/explanation/model.md).
     #[arg(long, value_name = "FILE.toml")]
     pub drone: Option<PathBuf>,
 
@@ -85,7 +85,7 @@ pub struct Fly {
     #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "params", "drone", "Disturb"])]
     pub recording: Option<PathBuf>,
 
-    /// Faults and disturbances by time (docs/faults.md).
+    /// Faults and disturbances by time (docs/reference/faults.md).
     #[arg(long, value_name = "FILE.toml", conflicts_with = "recording")]
     pub faults: Option<PathBuf>,
 

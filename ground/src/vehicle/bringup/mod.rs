@@ -1,5 +1,5 @@
 //! `tvc bringup`: the first hour with a board as one command, the same against the rig and a board
-//! (docs/bringup.md).
+//! (docs/guides/bringup.md).
 
 mod board;
 mod faults;
@@ -31,7 +31,7 @@ use report::page::{page, verdict};
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  tvc bringup                        examine the Nano that is connected (docs/bringup.md)
+  tvc bringup                        examine the Nano that is connected (docs/guides/bringup.md)
   tvc bringup --report board.html    with a page to keep
   tvc bringup --rig                  the same on the virtual rig
   tvc bringup --rig='--hardware jumper=no,field=dead'   what differences look like

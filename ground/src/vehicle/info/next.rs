@@ -62,7 +62,7 @@ pub fn next(found: &Found) -> (Standing, String) {
             Some(words) => (Standing::ToDo, words),
             None => (
                 Standing::Well,
-                "`tvc test step` on the tether (docs/tether.md)".into(),
+                "`tvc test step` on the tether (docs/guides/tether.md)".into(),
             ),
         },
         (None, problem) => (Standing::Unreachable, problem.clone().unwrap_or_default()),
@@ -79,12 +79,12 @@ fn of_vehicle(told: &Told) -> Option<String> {
         }
         Some(StateKind::Latched | StateKind::Failsafe) => {
             return Some(format!(
-                "{state}: look it up in docs/troubleshooting.md, then `tvc disarm`"
+                "{state}: look it up in docs/guides/troubleshooting.md, then `tvc disarm`"
             ));
         }
         Some(StateKind::Boot) => {
             return Some(format!(
-                "{state}: see docs/troubleshooting.md if it stays so"
+                "{state}: see docs/guides/troubleshooting.md if it stays so"
             ));
         }
         _ => {}

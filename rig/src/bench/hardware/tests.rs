@@ -93,7 +93,7 @@ fn a_default_that_is_shown_can_be_given() {
 /// `HARDWARE=overwrite` writes the page's table anew.
 #[test]
 fn the_page_of_the_documentation_has_the_table() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/hardware.md");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/reference/hardware.md");
     let page = std::fs::read_to_string(path).unwrap();
     let (text, _) = page.split_once("| key |").unwrap();
     let wanted = text.to_owned() + &Hardware::table();
