@@ -1,13 +1,11 @@
 //! The errors of every estimator in an experiment, next to those that the thesis published.
 
-use nalgebra::Vector3;
 use serde::Serialize;
 
 use super::candidates::{CANDIDATES, Candidate, Origin};
-use super::parts::Part;
 use super::truth::{Angles, Kind, TimedSample};
 use report::measure::Limit::{self, AtMost, Within};
-use report::measure::{Figure, Figures, data, figure, judged, rows};
+use report::measure::{Figure, Figures, data, figure, rows};
 use report::table::Table;
 
 /// Largest mean deviation of an axis, deg: the thesis' requirement.
@@ -32,70 +30,6 @@ pub struct Estimator {
     combined_rmse_deg: f64,
     /// What the thesis measured with it.
     thesis: Option<Published>,
-    /// Its errors in the parts of an experiment that has parts.
-    pub parts: Vec<PartErrors>,
-}
-
-/// Errors in a part, deg.
-#[derive(Debug, Serialize)]
-pub struct PartErrors {
-    /// What acts in it.
-    pub part: String,
-    /// Root mean square of the angle between the true and the estimated vertical.
-    pub tilt_rmse_deg: f64,
-    /// The largest such angle.
-    pub tilt_max_deg: f64,
-    /// Root mean square of the heading's error.
-    pub yaw_rmse_deg: f64,
-    /// Time from the end of an acceleration to that from which the tilt was within
-    /// [`RECOVERED_DEG`], s.
-    pub recovered_s: Option<f64>,
-}
-
-/// A tilt that is recovered, deg.
-const RECOVERED_DEG: f64 = 1.0;
-
-impl PartErrors {
-    fn of(part: &Part, samples: &[TimedSample], angles: &[Angles]) -> Self {
-        let (mut tilts, mut yaws, mut most) = (Sums::default(), Sums::default(), 0.0_f64);
-        let mut recovered_s = part.released_s().map(|_| 0.0);
-        let mut n = 0.0;
-        for (sample, estimate) in samples.iter().zip(angles) {
-            if !part.counts(sample.time_s) || estimate[0].is_nan() {
-                continue;
-            }
-            n += 1.0;
-            let tilt = tilt_deg(estimate, &sample.reference_deg);
-            tilts.add(tilt);
-            yaws.add(estimate[2] - sample.reference_deg[2]);
-            most = most.max(tilt);
-            if let (Some(recovered), Some(released)) = (&mut recovered_s, part.released_s())
-                && tilt > RECOVERED_DEG
-            {
-                *recovered = (sample.time_s - released).max(0.0);
-            }
-        }
-        let rmse = |sums: &Sums| {
-            let (mean, std) = sums.mean_and_std(n);
-            mean.hypot(std)
-        };
-        Self {
-            part: part.name(),
-            tilt_rmse_deg: rmse(&tilts),
-            tilt_max_deg: most,
-            yaw_rmse_deg: rmse(&yaws),
-            recovered_s,
-        }
-    }
-}
-
-/// Angle between the verticals of two attitudes, deg.
-fn tilt_deg(one: &Angles, other: &Angles) -> f64 {
-    let up = |[roll, pitch, _]: &Angles| {
-        let ((sr, cr), (sp, cp)) = (roll.to_radians().sin_cos(), pitch.to_radians().sin_cos());
-        Vector3::new(-sp, sr * cp, cr * cp)
-    };
-    up(one).angle(&up(other)).to_degrees()
 }
 
 /// Figures of an axis. The first three are of the error, estimate less reference; the last two are
@@ -208,22 +142,16 @@ impl Estimator {
             Axis::of(pairs.map(|(sample, angles)| (angles[axis], sample.reference_deg[axis])))
         });
         let [roll, pitch, yaw] = axes.map(|axis| axis.rmse_deg);
-        let table: &[Published] = match kind {
+        let table = match kind {
             Kind::Static => &STATIC,
             Kind::Motion => &MOTION,
-            _ => &[],
         };
-        let parts = kind.parts();
-        let parts = parts
-            .iter()
-            .map(|part| PartErrors::of(part, samples, angles));
         Self {
             name: candidate.name,
             required: candidate.origin == Origin::Required,
             axes,
             combined_rmse_deg: roll.hypot(pitch).hypot(yaw),
             thesis: table.get(index).copied(),
-            parts: parts.collect(),
         }
     }
 
@@ -237,10 +165,9 @@ impl Estimator {
     }
 
     /// Its figures, held to what is required of it.
-    fn figures(&self, kind: Kind) -> [Figure; 8] {
+    fn figures(&self, kind: Kind) -> [Figure; 7] {
         let held = |is_held: bool, limit: Limit| (is_held && self.required).then_some(limit);
-        let is_thesis = matches!(kind, Kind::Static | Kind::Motion);
-        let mean = held(is_thesis, Within(-MOST_MEAN_DEG, MOST_MEAN_DEG));
+        let mean = held(true, Within(-MOST_MEAN_DEG, MOST_MEAN_DEG));
         let rmse = held(kind == Kind::Motion, AtMost(MOST_MOTION_DEG));
         let combined = held(kind == Kind::Static, AtMost(MOST_STATIC_DEG));
         let deg = |key, deg: f64, label: &str| figure(key, deg).shown(label, "", 3);
@@ -272,41 +199,17 @@ impl Estimator {
             axis(2),
             deg("combined_rmse_deg", self.combined_rmse_deg, "combined RMSE").limit(combined),
             figure("thesis", thesis).shown("thesis", "", 3).or(""),
-            data("parts", &self.parts),
         ]
     }
 }
 
-/// All figures: under `estimators` a row for each, under no key one for each part.
+/// All figures: under `estimators` a row for each.
 pub fn figures(kind: Kind, seed: u64, samples: &[TimedSample], all: &[Estimator]) -> Figures {
     let counted = samples
         .iter()
         .filter(|sample| kind.counts(sample.time_s))
         .count();
-    let parts = kind.parts().into_iter().enumerate().map(|(index, part)| {
-        let cell = |estimator: &Estimator| {
-            let errors = &estimator.parts[index];
-            let recovered = errors.recovered_s.map(|s| format!(", {s:.1} s"));
-            let text = format!(
-                "{:.2}{}",
-                errors.tilt_rmse_deg,
-                recovered.unwrap_or_default()
-            );
-            figure("", text).shown(estimator.name, "", 0)
-        };
-        let name = figure("", part.name()).shown("tilt RMSE, deg", "", 0);
-        std::iter::once(name)
-            .chain(all.iter().map(cell))
-            .collect::<Vec<_>>()
-    });
-    let parts = rows("", parts);
-    // Nothing is required of what has parts.
-    let judged = if kind.parts().is_empty() {
-        Vec::new()
-    } else {
-        judged(Vec::new())
-    };
-    let figures = [
+    Figures::from([
         figure("experiment", kind.name()),
         figure("seed", seed),
         figure("samples", counted),
@@ -314,9 +217,7 @@ pub fn figures(kind: Kind, seed: u64, samples: &[TimedSample], all: &[Estimator]
             "estimators",
             all.iter().map(|estimator| estimator.figures(kind)),
         ),
-        parts,
-    ];
-    Figures::from(figures.into_iter().chain(judged))
+    ])
 }
 
 /// Mean and deviation of the estimates as in the thesis' tables 6.1 and 6.2, below each the thesis'
@@ -411,7 +312,6 @@ mod tests {
             axes: [axis(0.0, 0.1), axis(-1.6, 0.1), axis(0.0, 0.3)],
             combined_rmse_deg: 1.64,
             thesis: None,
-            parts: Vec::new(),
         };
         let missed = |kind| figures(kind, 1, &[], std::slice::from_ref(&estimator)).missed_keys();
         let mean = "estimators[0].pitch.mean_deg";

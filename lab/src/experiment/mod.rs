@@ -1,9 +1,8 @@
-//! `lab experiment`: the two navigation experiments of the thesis, and the three that it left for
-//! later, all estimators side by side on the same simulated sensors.
+//! `lab experiment`: the two navigation experiments of the thesis, all estimators side by side on
+//! the same simulated sensors.
 
 mod candidates;
 mod figures;
-mod parts;
 mod report;
 mod truth;
 
@@ -27,9 +26,6 @@ pub fn run(options: &Experiment) -> Result<Verdict> {
     let (kind, sensing) = match &options.command {
         ExperimentCommand::Static(sensing) => (Kind::Static, sensing),
         ExperimentCommand::Motion(sensing) => (Kind::Motion, sensing),
-        ExperimentCommand::Vibration(sensing) => (Kind::Vibration, sensing),
-        ExperimentCommand::Jerk(sensing) => (Kind::Jerk, sensing),
-        ExperimentCommand::Acceleration(sensing) => (Kind::Acceleration, sensing),
     };
     let usual = format!("report/experiment-{}.html", kind.name());
     let path = given_or(sensing.report.as_deref(), usual, FileKind::Page)?;

@@ -6,8 +6,7 @@ use clap::{Args, Subcommand};
 
 use report::kind;
 
-/// The navigation experiments of the thesis, with simulated sensors, and those that it left for
-/// later.
+/// The navigation experiments of the thesis, with simulated sensors.
 #[derive(Debug, Args)]
 pub struct Experiment {
     /// Which of them.
@@ -22,12 +21,6 @@ pub enum ExperimentCommand {
     Static(Sensing),
     /// Three cycles of +-45 degrees of pitch.
     Motion(Sensing),
-    /// Vibration of one frequency after the other, 10 to 250 Hz.
-    Vibration(Sensing),
-    /// Pulses of acceleration, 0.5 g for 50 ms to 8 g for 20 ms, and fast steps of the pitch.
-    Jerk(Sensing),
-    /// Lasting accelerations, 0.1 g for 10 s to 4 g for 1 s, and what is left of their errors.
-    Acceleration(Sensing),
 }
 
 const HELP: &str = "\
@@ -37,8 +30,6 @@ Examples:
   cargo lab experiment static --gyro-bias typical    a raw chip: +-1 deg/s that nobody calibrated
   cargo lab experiment motion --hard-iron 5,0,0 --json
   cargo lab experiment static --no-noise --gyro-bias 0,0,0.1
-  cargo lab experiment vibration --vibration 5       5 m/s2 rms an axis instead of 3
-  cargo lab experiment acceleration --json
 
 All estimators see the same samples of one simulated BNO055, 100 a second: those of the thesis as it
 set them (no offset learned at rest, every field believed, yaw of the complementary filter from the
@@ -46,11 +37,6 @@ gyroscope after the first second), and ours. Mean and standard deviation are of 
 reference, roll, pitch and yaw in degrees; the combined RMSE is the root of the sum of the squares of
 the three. Required of Mahony and VQF: mean at most 1.5 deg an axis; at rest RMSE at most 0.4 deg
 combined, in motion at most 0.5 deg an axis.
-
-Vibration, jerk and acceleration have parts: a strength or frequency each, with ten seconds of rest
-between. Of each part the RMSE of the tilt, the angle between the true and the estimated vertical, is
-printed, and with --json its largest value, the heading's RMSE and, after an acceleration, the time
-until the tilt was within 1 deg for good. Nothing is required of them.
 
 Exit status: 0 ours meet the requirements, 1 one was missed or something failed, 2 unusable input.";
 
@@ -83,10 +69,9 @@ pub struct Sensing {
     #[arg(long, value_name = "X,Y,Z", default_value = "1,1,1", allow_hyphen_values = true, value_parser = |text: &str| triple(text, 10.0))]
     pub soft_iron: Triple,
 
-    /// Vibration felt by the accelerometer, in m/s2 rms an axis, at 40 Hz, or in the parts of the
-    /// vibration experiment [default: 0, and there 3].
-    #[arg(long, value_name = "M_S2", value_parser = |text: &str| amount(text, 100.0))]
-    pub vibration: Option<f64>,
+    /// Vibration felt by the accelerometer, in m/s2 rms an axis, at 40 Hz.
+    #[arg(long, value_name = "M_S2", default_value_t = 0.0, value_parser = |text: &str| amount(text, 100.0))]
+    pub vibration: f64,
 
     /// How late the reference is, in ms.
     #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = |text: &str| amount(text, 1000.0))]

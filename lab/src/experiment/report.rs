@@ -6,7 +6,6 @@ use maud::{Markup, html};
 
 use super::candidates::{CANDIDATES, Origin};
 use super::figures::{AXES, Estimator, signals};
-use super::parts::Act;
 use super::truth::{Angles, Kind, TimedSample};
 use report::measure::Figures;
 use report::page::{figure, page, verdict};
@@ -25,7 +24,6 @@ pub fn render(
     estimators: &[Estimator],
 ) -> Result<String> {
     let kind = traces.kind;
-    let is_thesis = kind.parts().is_empty();
     let counted = traces
         .samples
         .iter()
@@ -33,7 +31,7 @@ pub fn render(
         .count();
     let missed = figures.missed();
     let body = html! {
-        @if is_thesis && missed.is_empty() {
+        @if missed.is_empty() {
             (verdict(true, "Mahony and VQF, in float and fixed point, meet the requirements."))
         }
         @for line in &missed { (verdict(false, line)) }
@@ -42,24 +40,14 @@ pub fn render(
             second, seed " (seed) "; errors are estimate less reference over "
             (counted) " samples."
         }
-        @if !is_thesis {
-            h2 { "Part by part" }
-            div style="font-size: .75rem" { (figures.table("").markup()) }
-            p { (parts_caption(kind)) }
-            (by_part(kind, estimators)?)
-        }
         h2 { "Errors" }
         div style="font-size: .85rem" { (figures.table("estimators").markup()) }
-        @if is_thesis {
-            p { "Last column: the combined RMSE of the thesis, table 6.3, measured on a robot's arm." }
-        }
+        p { "Last column: the combined RMSE of the thesis, table 6.3, measured on a robot's arm." }
         h2 { "Estimates" }
         (signals(estimators).markup())
-        @if is_thesis {
-            p {
-                "Mean and standard deviation of the estimates themselves, as in table "
-                (if kind == Kind::Static { "6.1" } else { "6.2" }) " of the thesis."
-            }
+        p {
+            "Mean and standard deviation of the estimates themselves, as in table "
+            (if kind == Kind::Static { "6.1" } else { "6.2" }) " of the thesis."
         }
         h2 { "All estimators, axis by axis" }
         (traces.combined()?)
@@ -82,59 +70,7 @@ fn title(kind: Kind) -> &'static str {
     match kind {
         Kind::Static => "ten minutes at rest",
         Kind::Motion => "three cycles of pitch",
-        Kind::Vibration => "vibration",
-        Kind::Jerk => "jerks",
-        Kind::Acceleration => "lasting acceleration",
     }
-}
-
-fn parts_caption(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Acceleration => {
-            "RMSE of the angle between the true and the estimated vertical, from the begin of the push \
-             to twenty seconds after its end, and how long after that end it was within 1 deg for good."
-        }
-        _ => "RMSE of the angle between the true and the estimated vertical.",
-    }
-}
-
-/// RMSE of the tilt over the parts, by their frequency or else as they are numbered in the table:
-/// theirs and ours.
-fn by_part(kind: Kind, estimators: &[Estimator]) -> Result<Markup> {
-    let parts = kind.parts();
-    let x = match kind {
-        Kind::Vibration => "frequency, Hz",
-        _ => "row of the table",
-    };
-    let places: Vec<f64> = parts
-        .iter()
-        .zip(1..)
-        .map(|(part, number)| match part.act {
-            Act::Vibration(hz) => hz,
-            _ => f64::from(number),
-        })
-        .collect();
-    let of = |of_thesis: bool| -> Result<String> {
-        let chosen = estimators
-            .iter()
-            .zip(&CANDIDATES)
-            .filter(|(_, candidate)| (candidate.origin == Origin::Thesis) == of_thesis);
-        // There is no reference here: its colour is free.
-        let lines = chosen.zip(0..).map(|((row, _), colour)| {
-            let errors = row.parts.iter().map(|errors| errors.tilt_rmse_deg);
-            Line::new(
-                row.name,
-                colour,
-                places.iter().copied().zip(errors).collect(),
-            )
-        });
-        Plot::new(x, "tilt RMSE, deg", lines.collect()).svg()
-    };
-    let what = title(kind);
-    Ok(html! {
-        (figure(&format!("{}, part by part: the thesis' estimators.", capital(what)), of(true)?))
-        (figure(&format!("{}, part by part: our estimators.", capital(what)), of(false)?))
-    })
 }
 
 fn conditions(kind: Kind) -> String {
@@ -144,18 +80,6 @@ fn conditions(kind: Kind) -> String {
         Kind::Motion => format!(
             "Heading {heading} deg; after ten seconds of rest three cycles of +-45 deg of pitch, over \
              which errors are taken."
-        ),
-        Kind::Vibration => format!(
-            "Level, heading {heading} deg; twenty seconds of vibration of each frequency along all three \
-             axes, with ten seconds of rest between."
-        ),
-        Kind::Jerk => format!(
-            "Heading {heading} deg; for twenty seconds each, pulses of acceleration forward and backward \
-             every two seconds, then steps of the pitch, with ten seconds of rest between."
-        ),
-        Kind::Acceleration => format!(
-            "Level, heading {heading} deg; pushed forward, then on with the speed that this has made for \
-             thirty seconds, before the next push."
         ),
     }
 }

@@ -6,7 +6,6 @@ use rig::Ticks;
 use rig::bno055::{ImuErrors, Reading, Sensors, Stimulus};
 use tvc_fusion::{Euler, GRAVITY, Quaternion};
 
-use super::parts::{self, Acting, Part};
 use crate::experiment::GyroBias;
 use crate::experiment::Sensing;
 
@@ -35,12 +34,6 @@ pub enum Kind {
     Static,
     /// Three cycles of pitch, heading 180 deg.
     Motion,
-    /// Level, with vibration of one frequency after the other.
-    Vibration,
-    /// Short pulses of acceleration, then fast steps of the pitch.
-    Jerk,
-    /// Level, pushed forward by one lasting acceleration after the other.
-    Acceleration,
 }
 
 /// Roll, pitch and yaw, deg.
@@ -52,9 +45,6 @@ impl Kind {
         match self {
             Self::Static => "static",
             Self::Motion => "motion",
-            Self::Vibration => "vibration",
-            Self::Jerk => "jerk",
-            Self::Acceleration => "acceleration",
         }
     }
 
@@ -62,7 +52,7 @@ impl Kind {
     pub fn heading_deg(self) -> f64 {
         match self {
             Self::Static => 200.0,
-            _ => 180.0,
+            Self::Motion => 180.0,
         }
     }
 
@@ -71,13 +61,7 @@ impl Kind {
         match self {
             Self::Static => 600.0,
             Self::Motion => 2.0 * REST_S + MOTION_S,
-            _ => self.parts().last().map_or(0.0, |part| part.to_s),
         }
-    }
-
-    /// Strength of its vibration, m/s2 rms an axis, where none is asked for.
-    fn vibration_m_s2(self) -> f64 {
-        if self == Self::Vibration { 3.0 } else { 0.0 }
     }
 
     /// Whether errors count at a time: after the warm-up, and in the motion experiment while it
@@ -86,28 +70,6 @@ impl Kind {
         match self {
             Self::Static => time_s >= 0.0,
             Self::Motion => (REST_S..=REST_S + MOTION_S).contains(&time_s),
-            _ => self.parts().iter().any(|part| part.counts(time_s)),
-        }
-    }
-
-    /// The parts that it is made of, for one that has parts.
-    pub fn parts(self) -> Vec<Part> {
-        match self {
-            Self::Static | Self::Motion => Vec::new(),
-            Self::Vibration => parts::vibration(),
-            Self::Jerk => parts::jerk(),
-            Self::Acceleration => parts::acceleration(),
-        }
-    }
-
-    /// What acts at a time.
-    fn acting(self, parts: &[Part], time_s: f64) -> Acting {
-        match parts.iter().find(|part| part.counts(time_s)) {
-            Some(part) => part.acting(time_s),
-            None => Acting {
-                pitch: self.pitch(time_s),
-                ..Acting::default()
-            },
         }
     }
 
@@ -136,32 +98,24 @@ impl Kind {
     }
 
     /// True roll, pitch and yaw.
-    pub fn angles_deg(self, parts: &[Part], time_s: f64) -> Angles {
-        let (pitch_rad, _) = self.acting(parts, time_s).pitch;
+    pub fn angles_deg(self, time_s: f64) -> Angles {
+        let (pitch_rad, _) = self.pitch(time_s);
         [0.0, pitch_rad.to_degrees(), self.heading_deg()]
     }
 
     /// What acts on the sensor, its axes forward, right and down.
-    fn stimulus(self, parts: &[Part], time_s: f64, vibration_m_s2: f64) -> Stimulus {
-        let acting = self.acting(parts, time_s);
-        let (pitch_rad, rate_rad_s) = acting.pitch;
+    fn stimulus(self, time_s: f64, vibration_m_s2: f64) -> Stimulus {
+        let (pitch_rad, rate_rad_s) = self.pitch(time_s);
         let attitude: Quaternion<f64> = Quaternion::from_euler(&Euler {
             roll_rad: 0.0,
             pitch_rad,
             yaw_rad: self.heading_deg().to_radians(),
         });
         let body = |v: [f64; 3]| attitude.conj().rotate(&v);
-        let (sin, cos) = self.heading_deg().to_radians().sin_cos();
-        let forward = acting.forward_m_s2;
-        let mut specific_force_m_s2 = body([forward * cos, forward * sin, -f64::from(GRAVITY)]);
+        let mut specific_force_m_s2 = body([0.0, 0.0, -f64::from(GRAVITY)]);
         for (axis, force) in specific_force_m_s2.iter_mut().enumerate() {
-            *force += vibration_m_s2
-                * if self == Self::Vibration {
-                    acting.vibration[axis]
-                } else {
-                    let phase = TAU * (VIBRATION_HZ * time_s + axis as f64 / 3.0);
-                    std::f64::consts::SQRT_2 * phase.sin()
-                };
+            let phase = TAU * (VIBRATION_HZ * time_s + axis as f64 / 3.0);
+            *force += vibration_m_s2 * std::f64::consts::SQRT_2 * phase.sin();
         }
         Stimulus {
             specific_force_m_s2,
@@ -187,22 +141,20 @@ pub struct TimedSample {
 /// are so far.
 pub fn samples(kind: Kind, sensing: &Sensing, done: &mut dyn FnMut(f64)) -> Vec<TimedSample> {
     let mut sensors = Sensors::new(errors(sensing), sensing.seed);
-    let parts = kind.parts();
-    let vibration_m_s2 = sensing.vibration.unwrap_or(kind.vibration_m_s2());
     let lag_s = sensing.reference_lag * 1e-3;
     let mut samples = Vec::new();
     let length_ms = ((kind.duration_s() + sensing.warm_up) * 1e3) as u64;
     for ms in 1..=length_ms {
         let (passed_s, now) = (ms as f64 * 1e-3, Ticks::from_us(1000 * ms));
         let time_s = passed_s - sensing.warm_up;
-        sensors.sense(now, &kind.stimulus(&parts, time_s, vibration_m_s2));
+        sensors.sense(now, &kind.stimulus(time_s, sensing.vibration));
         if ms.is_multiple_of(SAMPLE_MS)
             && let Some(reading) = sensors.refresh(now)
         {
             samples.push(TimedSample {
                 time_s,
                 reading,
-                reference_deg: kind.angles_deg(&parts, time_s - lag_s),
+                reference_deg: kind.angles_deg(time_s - lag_s),
             });
             done(passed_s);
         }
@@ -254,7 +206,7 @@ mod tests {
 
     #[test]
     fn at_rest_the_sensors_show_gravity_and_the_field_of_the_heading() {
-        let stimulus = Kind::Static.stimulus(&[], 1.0, 0.0);
+        let stimulus = Kind::Static.stimulus(1.0, 0.0);
         assert!((stimulus.specific_force_m_s2[2] + 9.806_65).abs() < 1e-6);
         let [forward, right, down] = stimulus.field_ut;
         assert!((forward - FIELD_UT.0 * 200f64.to_radians().cos()).abs() < 1e-6);

@@ -81,64 +81,6 @@ fn in_motion_ours_stay_within_the_goal_and_a_late_reference_makes_the_figures_of
     assert!(!late["missed"].as_array().unwrap().is_empty());
 }
 
-/// The error of an estimator in a part, deg.
-fn in_part(object: &serde_json::Value, name: &str, part: &str, figure: &str) -> f64 {
-    let rows = object["estimators"].as_array().unwrap();
-    let row = rows.iter().find(|row| row["name"] == name).unwrap();
-    let parts = row["parts"].as_array().unwrap();
-    let errors = parts.iter().find(|errors| errors["part"] == part);
-    errors.unwrap()[figure].as_f64().unwrap()
-}
-
-/// Near the sampling rate samples show a vibration as a slow swing, which no filter can tell from a
-/// tilt; anywhere else ours see through it.
-#[test]
-fn vibration_harms_near_the_sampling_rate_and_by_its_strength() {
-    let (object, status, report) = run(&["vibration"]);
-    assert_keys("experiment-vibration", &object);
-    assert_eq!(status, Some(0));
-    let tilt = |name, part| in_part(&object, name, part, "tilt_rmse_deg");
-    for name in ["VQF class", "VQF class, fixed point", "Mahony"] {
-        for part in ["none", "20 Hz", "60 Hz", "150 Hz", "250 Hz"] {
-            assert!(tilt(name, part) < 0.2, "{name} at {part}");
-        }
-        assert!(tilt(name, "99.8 Hz") > 1.0, "{name}");
-    }
-    assert!(tilt("complementary, thesis", "20 Hz") > 2.0);
-    assert!(report.contains("frequency, Hz") && report.contains("Part by part"));
-    let (half, ..) = run(&["vibration", "--vibration", "1.5"]);
-    let half = in_part(&half, "VQF class", "99.8 Hz", "tilt_rmse_deg");
-    let ratio = half / tilt("VQF class", "99.8 Hz");
-    assert!((0.4..0.6).contains(&ratio), "{ratio}");
-}
-
-/// What a push of 0.1 g makes of the vertical is 5.7 deg, and it is left in time.
-#[test]
-fn an_acceleration_that_lasts_tilts_the_estimate_and_is_recovered_from() {
-    let (object, status, _) = run(&["acceleration"]);
-    assert_keys("experiment-acceleration", &object);
-    assert_eq!(status, Some(0));
-    for name in ["VQF class", "Mahony", "Madgwick", "complementary"] {
-        let most = in_part(&object, name, "0.1 g, 10 s", "tilt_max_deg");
-        assert!((4.0..6.5).contains(&most), "{name}: {most}");
-        let recovered = in_part(&object, name, "0.1 g, 10 s", "recovered_s");
-        assert!((1.0..12.0).contains(&recovered), "{name}: {recovered}");
-    }
-    // Rates alone do not feel it.
-    assert!(in_part(&object, "integrated gyro", "4 g, 1 s", "tilt_max_deg") < 0.5);
-}
-
-#[test]
-fn jerks_of_the_same_speed_harm_alike_and_steps_are_followed() {
-    let (object, status, _) = run(&["jerk"]);
-    assert_keys("experiment-jerk", &object);
-    assert_eq!(status, Some(0));
-    let tilt = |part| in_part(&object, "VQF class", part, "tilt_rmse_deg");
-    let ratio = tilt("2 g, 100 ms") / tilt("4 g, 50 ms");
-    assert!((0.9..1.1).contains(&ratio), "{ratio}");
-    assert!(tilt("45 deg in 150 ms") < 0.5);
-}
-
 #[test]
 fn every_option_has_its_effect_and_the_same_seed_the_same_figures() {
     let of = |arguments: &[&str]| run(&[&["motion"], arguments].concat()).0;
