@@ -17,6 +17,7 @@ use crate::vehicle::monitor::Monitor;
 use crate::vehicle::param::Param;
 use crate::vehicle::record::Record;
 use crate::vehicle::release::Release;
+use crate::vehicle::support::Support;
 use crate::vehicle::test::Test;
 use crate::vehicle::web::Web;
 use design::{identify::Identify, model::Model, montecarlo::MonteCarlo, tune::Tune};
@@ -48,6 +49,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
         "Vehicle, the real one or the rig's",
         &[
             "info",
+            "support",
             "flash",
             "bringup",
             "calibrate",
@@ -98,6 +100,8 @@ pub enum Command {
     /// Look at port, vehicle, builds and calibration, and say what to do next.
     #[command(alias = "doctor")]
     Info(Info),
+    /// Collect what a bug report needs in one file, without anything personal.
+    Support(Support),
     /// Build the image and put it on a Nano, or write it as a file.
     Flash(Flash),
     /// Examine a board for the first time: chip, clocks, sensor, servo, watchdog.

@@ -77,6 +77,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::MonteCarlo(options) => design::montecarlo::run(&options),
         Command::Rig(options) => flight::rig::run(&options),
         Command::Info(options) => vehicle::info::run(&options),
+        Command::Support(options) => vehicle::support::run(&options),
         Command::Bringup(options) => vehicle::bringup::run(&options),
         Command::Param(options) => vehicle::param::run(&options),
         Command::Arm(options) => vehicle::arm::arm(&options),

@@ -27,10 +27,12 @@ pub enum Kind {
     Recording,
     /// A firmware image.
     Image,
+    /// Files in one.
+    Archive,
 }
 
 /// Every kind, what people call it, and how the names of its files end.
-const KINDS: [(Kind, &str, &[&str]); 7] = [
+const KINDS: [(Kind, &str, &[&str]); 8] = [
     (Kind::Log, "a telemetry log", &["tlog", "mcap"]),
     (Kind::Table, "a table", &["csv"]),
     (Kind::Page, "a page", &["html", "htm"]),
@@ -42,6 +44,7 @@ const KINDS: [(Kind, &str, &[&str]); 7] = [
     (Kind::Toml, "a TOML file", &["toml"]),
     (Kind::Recording, "a recording", &["imuq"]),
     (Kind::Image, "an image", &["elf", "bin", "uf2"]),
+    (Kind::Archive, "an archive", &["zip"]),
 ];
 
 /// How the text of a page begins.
@@ -113,6 +116,14 @@ pub fn toml(path: &str) -> Result<PathBuf, String> {
 /// As [`page`].
 pub fn image(path: &str) -> Result<PathBuf, String> {
     output(path, &[Kind::Image])
+}
+
+/// The path of an archive to write.
+///
+/// # Errors
+/// As [`log`].
+pub fn archive(path: &str) -> Result<PathBuf, String> {
+    named(path, &[Kind::Archive])
 }
 
 /// The path of an image to write, or a folder that takes it, such as a board's drive.
@@ -244,6 +255,7 @@ fn may_replace(path: &Path, kind: Kind) -> bool {
         Kind::Table | Kind::Parameters | Kind::Toml => !is_page && !head.contains(&0),
         // Where a log is written there must be none, and images are told by their names.
         Kind::Log | Kind::Recording | Kind::Image => true,
+        Kind::Archive => head.starts_with(b"PK"),
     }
 }
 

@@ -80,10 +80,20 @@ pub fn run(options: &Info) -> Result<Verdict> {
     if options.ports {
         return port::list(options.vehicle.json);
     }
-    let found = look(&options.vehicle.port);
-    let (standing, next) = next::next(&found);
-    figures(&found, standing, &next).conclude(options.vehicle.json, None)?;
+    let (standing, figures) = judged(&options.vehicle.port);
+    figures.conclude(options.vehicle.json, None)?;
     Ok(standing.verdict())
+}
+
+/// What is found at a port.
+pub fn found(port: &PortOptions) -> Figures {
+    judged(port).1
+}
+
+fn judged(port: &PortOptions) -> (Standing, Figures) {
+    let found = look(port);
+    let (standing, next) = next::next(&found);
+    (standing, figures(&found, standing, &next))
 }
 
 fn look(options: &PortOptions) -> Found {

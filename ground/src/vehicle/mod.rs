@@ -16,6 +16,7 @@ pub mod record;
 pub mod recorder;
 pub mod release;
 pub mod signing;
+pub mod support;
 pub mod test;
 pub mod watch;
 pub mod way;

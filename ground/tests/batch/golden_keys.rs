@@ -53,6 +53,7 @@ const AT_A_VEHICLE: &[(&str, &str)] = &[
     // Together they have a release, a hold and a sweep.
     ("test", "test step --seconds 1 --log step.tlog"),
     ("record-last", "record release.csv --last"),
+    ("support", "support support.zip"),
     ("record", "record record.tlog --seconds 1 --csv record.csv"),
     // Long enough that on a slow machine, too, the vehicle's own clock sees two seconds.
     ("test", "test hold --seconds 12 --log hold.tlog"),

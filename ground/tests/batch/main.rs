@@ -12,6 +12,7 @@ mod model;
 mod outputs;
 #[path = "../running/mod.rs"]
 mod running;
+mod support;
 mod tether;
 mod tuning;
 
