@@ -41,7 +41,7 @@ const WORDS: [&str; 15] = [
 ];
 
 /// Where something is read that is not of unknown origin.
-const ELSEWHERE: [(&str, &str); 9] = [
+const ELSEWHERE: [(&str, &str); 10] = [
     (
         "rig/src/fly/faults/frames.rs",
         "frames that the rig's host sends",
@@ -63,6 +63,10 @@ const ELSEWHERE: [(&str, &str); 9] = [
     (
         "ground/src/vehicle/web/report.rs",
         "a page that this program has made, passed on as it is",
+    ),
+    (
+        "ground/src/vehicle/support.rs",
+        "a log that is passed on as it is",
     ),
     (
         "ground/src/vehicle/port/machine.rs",
