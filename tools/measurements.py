@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Write docs/reference/measurements.md, docs/reference/filters.md and docs/flight.svg anew: every figure comes from a command
-of the tools run with --json, and the picture from the report of a flight.
+"""Write docs/reference/measurements.md, docs/flight.svg and the tables of fusion/README.md anew: every figure comes from a
+command of the tools run with --json, and the picture from the report of a flight.
 
     python3 tools/measurements.py --broad FOLDER     all sections; takes about a quarter of an hour
     python3 tools/measurements.py --without-broad    leaves out the scores on the BROAD recordings, and says so
@@ -21,12 +21,9 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "reference" / "measurements.md"
-FILTERS_PAGE = PAGE.with_name("filters.md")
 PICTURE = ROOT / "docs" / "flight.svg"
 SEEDS = 48
 SERVOS = {"s3003": "S3003", "digital": "digital"}
-FILTERS = [(name, scalar) for name in ("vqf", "mahony", "madgwick", "complementary") for scalar in ("f32", "fixed")]
-FILTERS.append(("kalman", "f32"))
 
 
 class Failed(Exception):
@@ -108,15 +105,11 @@ def the_loop(flight, tick_cycles, stack):
         ["age of the sample when its burst begins, mean", f"{flight['sample_age_us']['mean'] / 1e3:.2f} ms", ""],
         ["cycles a step, 0 wait states, mean / worst",
          f"{loop['cycles_per_step_mean']:,.0f} / {loop['cycles_per_step_max']:,}", ""],
-        ["cycles a step, 1 wait state, mean / worst",
-         f"{loop['cycles_per_step_mean_1ws']:,.0f} / {loop['cycles_per_step_max_1ws']:,}", ""],
         ["cycles a tick with telemetry streaming, all that runs, 0 wait states", f"{tick_cycles:,.0f}", ""],
         ["core awake, 1 wait state", f"{100 * loop['cpu_load']:.1f} %", ""],
         ["flash", f"{image['flash_bytes']:,} bytes", "98,304 bytes"],
-        ["static RAM", f"{image['static_ram_bytes']:,} bytes", "24,576 bytes"],
         ["stack, worst case",
          f"{stack['worst_bytes']:,} of {stack['room_bytes']:,} bytes ({stack['share_pct']:.1f} %)", "60 %"],
-        ["messages lost", f"{flight['telemetry']['lost']} of {flight['telemetry']['messages']:,}", "0"],
         [f"emulation on a machine with {os.cpu_count()} cores",
          f"{speed['real_time_factor']:.1f} x real time; {speed['busy_real_time_factor']:.1f} x while the core is awake",
          "3 x"],
@@ -160,16 +153,16 @@ def monte_carlo(scratch):
     for servo, name in SERVOS.items():
         for what, options in [
             ("", []),
-            (", mass up to 5 mm off to the side", ["--lateral-mm", 5]),
-            (", the second spread", wider),
+            (", off centre", ["--lateral-mm", 5]),
+            (", wide", wider),
         ]:
             runs = tvc("montecarlo", "-n", 2000, "--servo", servo, *options, "--report", scratch / "montecarlo.html",
                        "--worst", scratch / "worst")
             share = [f"{100 * runs[key]:.2f} %" for key in ("pass_rate", "pass_rate_low", "pass_rate_high")]
             rows.append([f"{name}{what}", share[0], f"{share[1]} to {share[2]}"])
     head = ["2,000 dispersed drones", "within 30 % and 1.5 s", "95 % bounds"]
-    return ("## Monte Carlo\n`cargo tvc montecarlo -n 2000 --servo SERVO --json`, with `--lateral-mm 5`, and with "
-            f"`{' '.join(wider)}`.\n\n" + table(head, rows))
+    return ("## Monte Carlo\n`cargo tvc montecarlo -n 2000 --servo SERVO --json`; *off centre* with `--lateral-mm 5`, "
+            f"*wide* with `{' '.join(wider)}`.\n\n" + table(head, rows))
 
 
 def faults(scratch):
@@ -178,11 +171,9 @@ def faults(scratch):
     kinds = campaign["faults"]
     total = {key: sum(kind[key] for kind in kinds) for key in ("runs", "recovered", "neutral", "restarted", "unsafe")}
     slowest = max(kinds, key=lambda kind: kind["worst_ms"])
-    phases = []
-    for phase in ("start", "standby", "saving", "armed", "failsafe"):
-        of = lab("faults", "--phase", phase, "--report", scratch / "phase.html")["faults"]
-        runs, unsafe = (sum(kind[key] for kind in of) for key in ("runs", "unsafe"))
-        phases.append(f"{phase} {unsafe} of {runs:,}")
+    elsewhere = [kind for phase in ("start", "standby", "saving", "armed", "failsafe")
+                 for kind in lab("faults", "--phase", phase, "--report", scratch / "phase.html")["faults"]]
+    runs, unsafe = (sum(kind[key] for kind in elsewhere) for key in ("runs", "unsafe"))
     glitches = lab("faults", "--glitches", "--report", scratch / "glitches.html")["faults"]
     ridden, all_glitches = (sum(kind[key] for kind in glitches) for key in ("recovered", "runs"))
     return (f"## Faults\n`cargo lab faults --json`: {total['runs']:,} faults of {len(kinds)} kinds in mid-flight. "
@@ -192,7 +183,7 @@ def faults(scratch):
             f"{campaign['deadline_ms']:.0f} ms, the others {campaign['wrong_limit_ms']:.0f} ms. Of flipped bits and "
             f"failing peripherals {campaign['upset_noticed_pct']:.0f} % were noticed and "
             f"{campaign['upset_harmless_pct']:.0f} % harmless.\n\n"
-            f"Unsafe in other phases (`--phase`): {', '.join(phases)}. `cargo lab faults --glitches --json`: the "
+            f"In the other five phases (`--phase`) {unsafe} of {runs:,} were unsafe. `cargo lab faults --glitches --json`: the "
             f"vehicle kept control in {ridden} of {all_glitches} glitches of 4 to 40 ms.\n")
 
 
@@ -228,7 +219,6 @@ def rocket(scratch):
     flown = tvc("fly", "--vehicle", "rocket", "--seeds", 12, "--report", scratch / "rocket.html")
     rows = [[case["case"], f"{case['error_rms_mean_deg']:.2f} / {case['error_rms_deg']:.2f}",
              f"{case['error_max_deg']:.1f}", f"{case['error_end_deg']:.2f}",
-             "" if case["tilt_sd_deg"] is None else f"{case['tilt_sd_deg']:.1f}",
              "yes" if case["in_control"] and case["neutral_after_burnout"] else "no"]
             for case in flown["cases"]]
     dispersed = tvc("fly", "--vehicle", "rocket", "--dispersed", 500, "--report", scratch / "rockets.html")
@@ -237,7 +227,7 @@ def rocket(scratch):
         felt = tvc("fly", "--vehicle", "rocket", "--seeds", 4, "--hardware", f"gyro-per-g={per_g}",
                    "--report", scratch / "per_g.html")
         ends.append(f"{felt['cases'][0]['error_end_deg']:.1f} deg with {per_g} deg/s")
-    head = ["airframe, control", "error rms, mean / worst, deg", "largest, deg", "at burnout, deg", "`tilt_sd`, deg",
+    head = ["airframe, control", "error rms, mean / worst, deg", "largest, deg", "at burnout, deg",
             "in control, then neutral"]
     return ("## Rocket\n`cargo tvc fly --vehicle rocket --seeds 12 --json`: the true angle of the axis from the vertical, "
             "from 2 s after the launch was seen to burnout ([the conditions](../guides/rocket.md)). Required: 2 deg rms.\n\n" + table(head, rows) +
@@ -275,30 +265,6 @@ def replays(scratch, broad):
     return "## Recordings through the image\n`cargo tvc fly --recording FILE --json`.\n\n" + table(head, rows)
 
 
-def filters(broad):
-    """Scores on recordings and cycles on the chip."""
-    costs = {(cost["filter"].lower(), cost["scalar"]): cost
-             for cost in lab("cycles", "--library", "tvc-fusion")["filters"] if cost["mode"] == "9d"}
-    rows = []
-    for name, scalar in FILTERS:
-        cost = costs[(name, scalar)]
-        row = [f"{name}, {scalar}", f"{cost['cycles_mean']:,.0f} / {cost['cycles_max']:,}",
-               f"{cost['code_bytes']:,}"]
-        if broad:
-            score = tvc("fuse", *sorted(broad.glob("*.imuq")), "--filter", name, "--scalar", scalar, "--score")["mean"]
-            row += [f"{score[key]:.2f} deg" for key in ("total_deg", "heading_deg", "inclination_deg")]
-        rows.append(row)
-    head = ["filter, 9D", "cycles an update, mean / worst", "code, bytes"]
-    text = "## Filters\nCycles of `cargo lab cycles --json` (opt-level 3, no wait states)"
-    if broad:
-        head += ["total", "heading", "inclination"]
-        text += ("; scores are means of `cargo tvc fuse FILES --score --json` over "
-                 f"{len(list(broad.glob('*.imuq')))} BROAD recordings, which were also used to choose the defaults")
-    else:
-        text += "; the scores on BROAD recordings were left out of this run"
-    return text + ".\n\n" + table(head, rows)
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     source = parser.add_mutually_exclusive_group(required=True)
@@ -308,19 +274,21 @@ def main():
     if options.broad and not list(options.broad.glob("*.imuq")):
         parser.error(f"{options.broad} holds no .imuq file")
     broad = options.broad.resolve() if options.broad else None
-    written = ("`python3 tools/measurements.py` runs the commands below and writes this page. Every figure is of "
-               f"the virtual rig and of one image: {built()}.")
+    head = ("# Measurements\n`python3 tools/measurements.py` runs the commands below and writes this page, and the "
+            "[tables of the filters](../../fusion/README.md#measured). Every figure is of the virtual rig and of one image: "
+            f"{built()}. Nothing has run on a board yet.\n")
     try:
         with tempfile.TemporaryDirectory() as folder:
             scratch = pathlib.Path(folder)
             flown, picture = flights(scratch)
-            vehicle = [f"# Measurements\n{written} Nothing has run on a board yet. [Filters](filters.md) have their own page.\n",
-                       flown, control_law(scratch), monte_carlo(scratch), faults(scratch), two_axes(scratch),
-                       rocket(scratch), hardware(scratch)]
-            estimate = [f"# Measurements of the filters\n{written}\n", replays(scratch, broad), filters(broad)]
+            sections = [flown, control_law(scratch), monte_carlo(scratch), faults(scratch), two_axes(scratch),
+                        rocket(scratch), hardware(scratch), replays(scratch, broad)]
+        tables = [sys.executable, ROOT / "tools" / "filter_tables.py", *(["--broad", broad] if broad else [])]
+        if subprocess.run(tables, check=False).returncode:
+            raise Failed("tools/filter_tables.py failed")
     except Failed as error:
         sys.exit(f"error: {error}; {PAGE.relative_to(ROOT)} is as it was")
-    for path, text in [(PAGE, "\n".join(vehicle)), (FILTERS_PAGE, "\n".join(estimate)), (PICTURE, picture)]:
+    for path, text in [(PAGE, "\n".join([head, *sections])), (PICTURE, picture)]:
         fresh = path.with_suffix(".new")
         fresh.write_text(text, encoding="utf-8")
         fresh.replace(path)
