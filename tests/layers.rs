@@ -87,7 +87,7 @@ const LAYERS: [(&str, &[&str], &[&str]); 10] = [
     ),
 ];
 
-/// Where a name stands all the same: it is this file's task.
+/// Where a name may stand: naming layers is this file's task.
 const PLACES: [(&str, &str); 1] = [("src/sensor.rs", "bno055_driver")];
 
 fn root() -> &'static Path {

@@ -1,7 +1,7 @@
 //! What a person is asked to do with the vehicle, step by step, while it is calibrated.
 //!
 //! `tvc calibrate` shows a prompt on the screen and sends its text down the link as STATUSTEXT,
-//! which the firmware ignores: so a log of the link says what was asked for and when, and the
+//! which the firmware ignores. So a log of the link says what was asked for and when, and the
 //! virtual rig does what a person would do.
 
 use crate::poses::Face;

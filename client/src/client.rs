@@ -8,12 +8,13 @@
 //! COMMAND_ACK names the command and who sent it, not what was ordered by it, and arming and
 //! disarming are one command. The vehicle takes commands in order, so acknowledgements of one
 //! command belong to its copies in the order in which these were sent, each to one copy. An
-//! acknowledgement of a copy whose request has been answered says nothing new. Where an
-//! acknowledgement was lost, a later one is taken for it, never the other way round; the request
-//! that still waits is then repeated. So that none answers another order of the same command, an
-//! order is not sent before an earlier, different one of its command has been answered; only an
-//! order to disarm waits for nothing. An order to the board itself is answered by a value with its
-//! number; of its acknowledgements only a refusal counts.
+//! acknowledgement of a copy whose request has been answered says nothing new.
+//!
+//! Where an acknowledgement was lost, a later one is taken for it, never the other way round; the
+//! request that still waits is then repeated. So that none answers another order of the same
+//! command, an order is not sent before an earlier, different one of its command has been answered;
+//! only an order to disarm waits for nothing. An order to the board itself is answered by a value
+//! with its number; of its acknowledgements only a refusal counts.
 
 mod failure;
 mod receiving;

@@ -5,9 +5,10 @@
 //! and counts the cycles until it stands at `BKPT #1`: the call, the update and the return, nothing
 //! else. A filter's update is what it takes from a sample in memory to an orientation in memory. At
 //! `BKPT #2` the direction that the filter takes for up lies in `UP`, so that a filter that is fed
-//! wrongly shows. A law's update is what it takes from a reading in memory to the output, which is
-//! in R0 at `BKPT #1`, where it can be compared with that of the same law elsewhere. `BKPT #3` is a
-//! panic.
+//! wrongly shows.
+//!
+//! A law's update is what it takes from a reading in memory to the output, which is in R0 at `BKPT
+//! #1`, where it can be compared with that of the same law elsewhere. `BKPT #3` is a panic.
 //!
 //! The package's features say which filter or law it is. Without the feature `setup` nothing makes
 //! its state, and all that is linked is the update: that image is there to be weighed, not to be

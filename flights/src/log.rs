@@ -1,7 +1,7 @@
-//! Telemetry logs: every MAVLink frame, both ways, with its time. A file's name says its form:
-//! `.tlog`, eight bytes of time (microseconds since 1970, big endian) before every frame, as
-//! pymavlink, MAVProxy and QGroundControl write and read them, or `.mcap` for Foxglove and
-//! PlotJuggler, which holds the same frames and what they say.
+//! Telemetry logs: every MAVLink frame, both ways, with its time. A file's name says its form.
+//! `.tlog` has eight bytes of time (microseconds since 1970, big endian) before every frame, as
+//! pymavlink, MAVProxy and QGroundControl write and read them. `.mcap`, for Foxglove and
+//! PlotJuggler, holds the same frames and what they say.
 
 mod assembly;
 mod mcap;

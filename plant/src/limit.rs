@@ -1,6 +1,6 @@
 //! The time-optimal limit: how fast any controller could bring the drone upright.
 //!
-//! With no delay and no lag, a crank limited in rate and angle, the fastest way to rest is
+//! The crank is limited in rate and angle, without delay and lag. Then the fastest way to rest is
 //! bang-bang in the crank's rate: away with full rate (and wait at the limit), back with full rate
 //! to the other side, and home. Three arcs, two unknown switching times, found by nested root
 //! search on the nonlinear model so that pitch and rate vanish together when the crank comes home.

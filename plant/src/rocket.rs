@@ -10,10 +10,9 @@
 //! with mass, centre of mass and inertia changing as propellant burns, and the dynamic pressure `q`
 //! of a vertical run. Left out: lateral drift and wind, slosh, bending, jet damping.
 //!
-//! The stated figures do not fit each other: 100 kN from 2600 kg in 90 s imply a specific impulse
-//! of 353 s, too much for oxygen and ethanol (at 250 s the burn would last 64 s), and a vertical
-//! run on them ends at 2.5 km/s and 84 km where 1 km/s and 50 km are stated. They are used as
-//! stated.
+//! The stated figures do not fit each other. 100 kN from 2600 kg in 90 s imply a specific impulse
+//! of 353 s, too much for oxygen and ethanol (at 250 s the burn would last 64 s). A vertical run on
+//! them ends at 2.5 km/s and 84 km, where 1 km/s and 50 km are stated. They are used as stated.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! The drone with two rudders: the two-axis successor of the tethered drone.
 //!
 //! A rigid body hangs in a joint that lets it pitch, roll and spin about the pivot. Each of two
-//! rudders in its wash has the linkage and the servo of the one-axis drone: the first moves in the
+//! rudders in its wash has the linkage and the servo of the one-axis drone. The first moves in the
 //! body's x-z plane and makes a pitch moment, the second in its y-z plane and makes a roll moment.
 //! Lists of two name pitch first, then roll.
 //!

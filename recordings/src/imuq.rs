@@ -1,11 +1,11 @@
 //! Recordings of a real IMU with optical ground truth: the format `IMUQ16v1`.
 //!
-//! Little endian. A header of 64 bytes: magic `IMUQ16v1`, `u32` number of samples, `f32` sampling
-//! rate in Hz, `f32` scales of gyroscope (rad/s a count), accelerometer (m/s^2 a count),
-//! magnetometer (uT a count) and quaternion, `u32` size of a record (28), 28 bytes of name. Then
-//! the records: 14 x `i16`, gyroscope, accelerometer, magnetometer, reference quaternion
-//! (sensor to east-north-up) and flags (bit 0 movement, bit 1 reference valid). A scale of 0 says
-//! that there is no magnetometer, or no reference.
+//! Little endian. The header has 64 bytes: magic `IMUQ16v1`, `u32` number of samples, `f32`
+//! sampling rate in Hz, four `f32` scales, `u32` size of a record (28), 28 bytes of name. The
+//! scales are of gyroscope (rad/s a count), accelerometer (m/s^2 a count), magnetometer (uT a
+//! count) and quaternion. Then the records: 14 x `i16`, gyroscope, accelerometer, magnetometer,
+//! reference quaternion (sensor to east-north-up) and flags (bit 0 movement, bit 1 reference
+//! valid). A scale of 0 says that there is no magnetometer, or no reference.
 
 use std::fs::File;
 use std::io::Read;

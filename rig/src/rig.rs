@@ -343,7 +343,7 @@ impl Rig {
     /// Changes what the parts are like while they run, as `KEY=VALUE` says.
     ///
     /// # Errors
-    /// As of [`Hardware::set`]; or the key is none of [`LIVE_KEYS`].
+    /// As of [`Hardware::set`]; or the key is not in [`LIVE_KEYS`].
     pub fn set_hardware(&mut self, setting: &str) -> Result<(), String> {
         self.hardware.set(setting)?;
         let name = setting.split('=').next().unwrap_or_default().trim();

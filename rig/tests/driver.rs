@@ -255,7 +255,7 @@ impl Bench {
     }
 }
 
-/// Reads so many bursts of each case; those that were refused, in words.
+/// Reads this number of bursts of each case; gives the refused bursts, in words.
 fn refused(bursts: u64, seed: u64) -> Vec<String> {
     let cases = (0..CASES).filter_map(|case| {
         let mut dice = generator(seed << 32 | case, Stream::Campaign);

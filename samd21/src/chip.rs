@@ -251,7 +251,7 @@ mod tests {
         assert!(cycles.abs_diff(4_651_200) < 100, "{cycles}");
     }
 
-    /// The core is stalled while it erases: a reset comes at its own time all the same.
+    /// The core is stalled while it erases, but a reset comes at its own time.
     #[test]
     fn a_reset_comes_in_the_midst_of_a_stall() {
         let mut chip = Chip::new(Options::default());

@@ -78,7 +78,7 @@ fn flies(setup: &Setup, settling_s: f64) {
 }
 
 /// Nothing is armed while the attitude still shows that the gyroscope's offset was taken for a
-/// rotation: who releases the drone as soon as the image lets them flies as well as who waits.
+/// rotation. Who releases the drone as soon as the image lets them flies as well as who waits.
 #[test]
 fn a_release_at_the_first_instant_is_no_worse_whatever_the_gyro_offset() {
     for (offset_deg_s, start_rad) in [(1.0, 0.2), (3.0, 0.4), (-3.0, 0.2), (-2.0, 0.8)] {

@@ -72,7 +72,7 @@ impl Failure {
     }
 
     /// The fault that keeps the vehicle from standby, where an order to disarm was refused for that
-    /// alone: its rudder is at neutral all the same.
+    /// alone: its rudder is at neutral.
     pub fn persisting_fault(&self) -> Option<&str> {
         match self {
             Self::Refused {

@@ -337,8 +337,8 @@ impl Problem {
     }
 
     /// The cost that the search minimises: the settling of nearly all flights, overshoot near its
-    /// limit, what a sensor that refreshes slowly adds to it, how near dispersed drones with an
-    /// offset mass come to failing, and a sensitivity with a high peak.
+    /// limit, and what a sensor that refreshes slowly adds to it. A high peak of the sensitivity
+    /// and dispersed drones with an offset mass that nearly fail cost, too.
     ///
     /// # Errors
     /// A parameter of the drone out of range.

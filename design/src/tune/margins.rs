@@ -1,9 +1,9 @@
 //! Margins of the loop with the image's own controller, servo and frame in it.
 //!
-//! They are measured as on a test bench: the gain is raised, or delay added, until the model no
-//! longer comes to rest; and a small sine on what the sensor measures shows how much of it the loop
-//! takes up. So they hold for the law as it is, with its model and its frame, where a transfer
-//! function would be another law.
+//! They are measured as on a test bench. The gain is raised, or delay added, until the model does
+//! not come to rest. A small sine on what the sensor measures shows how much of it the loop takes
+//! up. So they hold for the law as it is, with its model and its frame, where a transfer function
+//! would be another law.
 
 use std::f64::consts::TAU;
 use std::ops::Range;

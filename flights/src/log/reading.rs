@@ -132,7 +132,8 @@ impl Decoder {
         self.stray_bytes += inside.counts().stray_bytes;
     }
 
-    /// What was counted on the vehicle's side, in a log with so many bytes outside of its frames.
+    /// What was counted on the vehicle's side, in a log with this number of bytes outside of its
+    /// frames.
     pub fn counts(&self, stray_bytes: u64) -> LinkCounts {
         let wire = self.vehicle.and_then(|vehicle| self.wires.get(&vehicle));
         let mut counts = wire.map(Wire::counts).unwrap_or_default();

@@ -353,8 +353,8 @@ mod tests {
         assert!(loop_timing(&flight).jitter_us_max > 6_000.0);
     }
 
-    /// A vehicle with so many axes that is tilted by 0.3 rad to the side and comes upright within a
-    /// second.
+    /// A vehicle with this number of axes that is tilted by 0.3 rad to the side and comes upright
+    /// within a second.
     fn rolled(axes: f32) -> Flight {
         let step = |index: u32| {
             let since_s = f64::from(index) / 150.0;

@@ -46,8 +46,8 @@ pub fn arm(options: &Operate) -> Result<Verdict> {
     figures.conclude(options.vehicle.json, None)
 }
 
-/// Disarms. A fault that keeps the vehicle in its failsafe is named: its rudder is at neutral all
-/// the same.
+/// Disarms. Names the fault that keeps the vehicle in its failsafe, where the rudder is at neutral
+/// too.
 ///
 /// # Errors
 /// No vehicle, or a state that does not follow.

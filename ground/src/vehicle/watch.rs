@@ -122,9 +122,9 @@ impl DerefMut for Watched {
 }
 
 impl Vehicle {
-    /// Disarms: the rudder is at neutral afterwards. Gives the fault that keeps the vehicle in its
-    /// failsafe all the same, if there is one. A person at the terminal is told soon what to do
-    /// where no answer comes; the order is repeated meanwhile.
+    /// Disarms: the rudder is at neutral afterwards. Gives the fault that still keeps the vehicle
+    /// in its failsafe, if there is one. A person at the terminal is told soon what to do where no
+    /// answer comes; the order is repeated meanwhile.
     ///
     /// # Errors
     /// The vehicle does not answer.

@@ -235,7 +235,7 @@ const WRITERS: [(&str, &str, Option<&str>); 11] = [
     ),
 ];
 
-/// Runs a command that can write no more than half a kilobyte into a file: beyond that it gets an
+/// Runs a command that can write no more than half a kilobyte into a file. Beyond that it gets an
 /// error, or, where it is `killed`, ends at once.
 #[cfg(unix)]
 fn with_a_full_disk(command: &str, name: &str, folder: &std::path::Path, killed: bool) -> Output {
@@ -260,8 +260,8 @@ fn with_a_full_disk(command: &str, name: &str, folder: &std::path::Path, killed:
     output
 }
 
-/// Neither an error half way nor the end of the program leaves a part of a file in the place of a
-/// whole one, or harms an old one.
+/// No file is left half written, neither by an error half way nor by the end of the program. An old
+/// file stays whole.
 #[cfg(unix)]
 #[test]
 fn a_file_that_cannot_be_written_to_its_end_is_not_there() {

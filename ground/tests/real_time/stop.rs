@@ -252,8 +252,8 @@ fn trial(rig: &str, end: End, from: StateKind, later: Duration) -> Trial {
     }
 }
 
-/// Ends so many flights of one vehicle, by one way after the other from `first` on, at random
-/// instants.
+/// Ends this number of flights of one vehicle, by one way after the other from `first` on, at
+/// random instants.
 fn trials(first: usize, count: usize, seed: u64) -> Vec<Trial> {
     let fixed = ["rig", "--pty", "--seconds", "7200"];
     let (_rig, port) = Running::start(&fixed);

@@ -1,7 +1,6 @@
 //! What a program prints, kept as text: every line with which bad input is refused.
-//! `golden/refused/` holds a file for each command: what is typed, the exit status unless it is 0,
-//! and all that is printed, standard output and standard error together. What depends on the
-//! machine stands there as `[..]`.
+//! `golden/refused/` holds a file for each command. The file has what is typed, the exit status
+//! unless it is 0, and all that is printed. What depends on the machine stands there as `[..]`.
 //!
 //! A change of these texts that is meant is taken over with
 //! `TRYCMD=overwrite cargo test -p ground --test golden` (for `lab`, `-p lab --test golden`), and

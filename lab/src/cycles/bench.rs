@@ -35,7 +35,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// Boots an image on a chip with so many flash wait states, to where it waits for its first
+    /// Boots an image on a chip with these flash wait states, to where it waits for its first
     /// sample.
     pub fn boot(image: &Image, wait_states: u8) -> Result<Self> {
         let mut chip = Chip::new(Options {

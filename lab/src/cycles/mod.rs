@@ -106,7 +106,7 @@ const HARD_SAMPLES_FIXED: usize = 512;
 /// Largest angle to true up, RMS, deg; a filter that is farther off was not given what it expects.
 const MOST_TILT_DEG: f64 = 15.0;
 
-/// The filter's up is read once in so many samples.
+/// The filter's up is read once in this number of samples.
 const TILT_EVERY: usize = 8;
 
 /// Measures what `options` name and prints the figures.

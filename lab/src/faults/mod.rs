@@ -211,7 +211,7 @@ struct Shard {
 
 impl Shard {
     /// # Errors
-    /// A kind is none of the phase's.
+    /// The phase does not have a kind.
     fn of(options: &Faults, all: &[Flown]) -> Result<Self> {
         let sensor_kind = options
             .kind

@@ -4,8 +4,8 @@ use super::row::Ending::{self, Flies, Late, Refused, Skips, Unsettled};
 
 /// What `--hardware` would be given, and how flights with it should end.
 ///
-/// A sensor that stretches a byte by 180 us on average has the stretch of that byte drawn from 170
-/// to 190: the image must not count on one value.
+/// A sensor that stretches a byte by 180 us on average has that stretch drawn from 170 to 190. The
+/// image must not count on one value.
 ///
 /// Where one byte in a hundred is stretched for 500 us, a transfer may reach into the next tick,
 /// which then goes without its burst (`src/ticks.rs`). Chance decides whether that happens within a

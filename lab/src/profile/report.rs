@@ -106,7 +106,7 @@ fn drawn(one: &Placed<'_>, all: u64, parts: f64, unit: &str) -> Markup {
     }
 }
 
-/// A name in at most so many letters: without the path of its modules, then cut; empty where it
+/// A name in at most `letters` letters: without the path of its modules, then cut; empty where it
 /// would say nothing.
 fn short(name: &str, letters: usize) -> String {
     let plain = if name.len() <= letters || name.starts_with('<') {

@@ -27,7 +27,7 @@ impl<'a> Symbols<'a> {
     /// Reads an ELF file.
     ///
     /// # Errors
-    /// [`BadInput`] for a file that is none, or whose debug information is broken.
+    /// [`BadInput`] for a file that is no ELF file, or whose debug information is broken.
     pub fn read(elf: &'a [u8]) -> Result<Self> {
         let file = object::File::parse(elf).map_err(BadInput::new)?;
         let section = |id: gimli::SectionId| -> Result<Bytes<'a>, gimli::Error> {

@@ -25,8 +25,8 @@ pub struct Level {
     pub deepest: Deepest,
 }
 
-/// The priorities in use, the least urgent first, of handlers by their exception. The reset is
-/// none of them.
+/// The priorities in use, the least urgent first, of handlers by their exception. The reset does
+/// not belong to them.
 pub fn levels(
     handlers: &BTreeMap<usize, u32>,
     priorities: &[i8; EXCEPTIONS],

@@ -1,9 +1,9 @@
 //! `lab stack`: the worst case of an image's stack, from its calls.
 //!
 //! The machine code of the linked image is followed from the reset and from every handler of the
-//! vector table (`walk`), with what is known of the registers (`value`); the calls make a graph
-//! whose deepest way is sought (`depth`), and main and the handlers are put on top of one another
-//! by their priorities (`levels`).
+//! vector table (`walk`), with what is known of the registers (`value`). The calls make a graph,
+//! whose deepest way is sought (`depth`). Main and the handlers are put on top of one another by
+//! their priorities (`levels`).
 
 mod bounds;
 mod depth;

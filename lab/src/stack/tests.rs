@@ -82,7 +82,7 @@ fn problems(program: &Program) -> String {
     words.join("; ")
 }
 
-/// A function that takes so many bytes, gives them back and returns.
+/// A function that takes this number of bytes, gives them back and returns.
 fn taking(bytes: u16) -> [u16; 3] {
     let words = bytes / 4;
     [0xB080 | words, 0xB000 | words, BX_LR]

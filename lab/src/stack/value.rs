@@ -1,9 +1,9 @@
 //! What is known of registers and stack at an instruction.
 //!
 //! Every register holds one of a few kinds of [`Value`]. That is enough to follow the stack pointer
-//! through frames that are too large for an immediate (`ldr r6, =-2324; add sp, r6`), to find it
-//! again through a frame pointer (`subs r6, r7, #12; mov sp, r6`), to tell a return from a call by
-//! a register, and to find the tables that jumps go by.
+//! through frames that are too large for an immediate (`ldr r6, =-2324; add sp, r6`), and to find
+//! it again through a frame pointer (`subs r6, r7, #12; mov sp, r6`). It is enough, too, to tell a
+//! return from a call by a register, and to find the tables that jumps go by.
 
 use std::collections::BTreeMap;
 
@@ -23,13 +23,13 @@ pub enum Value {
     Unknown,
     /// It is this.
     Number(u32),
-    /// The stack pointer at the function's entry and so many bytes.
+    /// The stack pointer at the function's entry and this number of bytes.
     Stack(i32),
     /// What this register held at the function's entry: of LR, the return address.
     AtEntry(u8),
     /// As it was loaded from memory, or returned by a call.
     Loaded(Origin),
-    /// A pointer that was passed or loaded and so many bytes.
+    /// A pointer that was passed or loaded and this number of bytes.
     Within(u32),
     /// The sum of two words of which neither is known: as a pointer and an index.
     Indexed,

@@ -8,7 +8,7 @@ use rand::{Rng, SeedableRng};
 
 use super::frames;
 
-/// One input in so many is a stored one cut short, each of them at each of its bytes in turn.
+/// One input in this number is a stored one cut short, each of them at each of its bytes in turn.
 const CUT_EVERY: u64 = 8;
 /// Most changes of one input.
 const CHANGES: usize = 6;

@@ -2,7 +2,7 @@
 //! past it, in wind.
 //!
 //! Body axes: z along the rocket's axis from the nose to the gimbal, so that thrust acts along -z,
-//! x forward and y right; earth axes: north, east, down, with the origin where the centre of mass
+//! x forward and y right. Earth axes: north, east, down, with the origin where the centre of mass
 //! is on the pad. Upright on the pad is the identity, but for the heading. Lists of two name pitch
 //! first (about body y), then roll (about body x, which rockets call yaw), as for the drone. A
 //! positive gimbal angle makes a negative moment, so that laws carry over.
@@ -29,9 +29,9 @@
 //! gimbal to centre of mass and `m'` the flow of propellant.
 //!
 //! Left out: the shift of the centre of mass within the rocket as a motion of its own (0.1 m/s at
-//! most), the air's damping of rates, slosh, bending, friction of the rail and its tip-off, the
-//! earth's curvature and rotation, the decrease of gravity with altitude (2.6 % at 84 km), and the
-//! ground after the rail.
+//! most), the air's damping of rates, slosh, bending, friction of the rail and its tip-off. Left
+//! out, too: the earth's curvature and rotation, the decrease of gravity with altitude (2.6 % at 84
+//! km), and the ground after the rail.
 
 mod parameters;
 mod wind;

@@ -1,7 +1,7 @@
 //! Many runs of the pitch loop with dispersed drones (Monte Carlo), on all cores.
 //!
 //! Each run draws its own drone, servo, start and noise from the campaign's seed and the run's
-//! index alone: a run can be flown again by itself, and a campaign split into shards and merged
+//! index alone. A run can be flown again by itself, and a campaign split into shards and merged
 //! gives the same runs as one that was not.
 //!
 //! Ranges, all even unless said otherwise:

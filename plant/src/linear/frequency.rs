@@ -246,9 +246,9 @@ pub fn margins(at: impl Fn(f64) -> Complex<f64>) -> Margins {
     }
 }
 
-/// Mean age of what the law has seen when its pulse begins, in s: of the sensor's delay, half the
-/// period of its refresh, and the time from the law to the pulse, which is half a control period
-/// where the two are not locked.
+/// Mean age of what the law has seen when its pulse begins, s: the sensor's delay, half the period
+/// of its refresh, and the time from the law to the pulse. That time is half a control period where
+/// the two are not locked.
 fn mean_delay_s(timing: &Timing) -> f64 {
     let refresh = 0.5 * timing.refresh_s.unwrap_or(0.0);
     timing.delay_s + refresh + timing.lead_s.unwrap_or(0.5 * timing.control_s)

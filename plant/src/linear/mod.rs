@@ -211,8 +211,8 @@ impl StateSpace {
 
 /// Eigenvalues of a square matrix by the QR iteration.
 ///
-/// The iteration may circle for ever when it is asked for the last bit, so that it is given a
-/// limit and, past it, a tolerance ten times as wide. Not a number for a matrix that is none.
+/// The iteration may circle for ever when it is asked for the last bit, so that it is given a limit
+/// and, past it, a tolerance ten times as wide. Not a number for a matrix that holds one.
 pub(crate) fn eigenvalues(matrix: DMatrix<f64>) -> Vec<Complex<f64>> {
     const ITERATIONS: usize = 500;
     let unknown = vec![Complex::new(f64::NAN, f64::NAN); matrix.nrows()];

@@ -111,8 +111,8 @@ impl Servo {
         self.supply = share;
     }
 
-    /// The motor's current as a share of what it draws when it stalls at the model's rated voltage:
-    /// as in any DC motor it is proportional to the torque, which holds the load and, over the lag,
+    /// The motor's current as a share of what it draws when it stalls at the model's rated voltage.
+    /// As in any DC motor it is proportional to the torque, which holds the load and, over the lag,
     /// brings the motor to the speed asked for.
     pub fn current_share(&self) -> f64 {
         let catching_up = self.speed_asked(self.load_n_m) - self.speed_rad_s;

@@ -2,7 +2,7 @@
 //! linkages that turn in the body.
 //!
 //! A linkage lies in a plane through the pivot that contains the thrust axis, and each of its
-//! bodies is taken to be as thin as a rod along its length: it has no inertia about that length,
+//! bodies is taken to be as thin as a rod along its length. It has no inertia about that length,
 //! and the same about either axis across it.
 
 use nalgebra::{Matrix3, Vector3};

@@ -16,7 +16,7 @@ pub(crate) struct Check {
 }
 
 impl Check {
-    /// Whether it holds; a number that is none does not.
+    /// Whether it holds; NaN does not.
     pub(crate) fn holds(&self) -> bool {
         (self.low..=self.high).contains(&self.value)
     }

@@ -78,7 +78,7 @@ impl Hardware {
     /// Sets what `KEY=VALUE` says.
     ///
     /// # Errors
-    /// There is no such key, or its value is none of those that are possible; the text lists them.
+    /// There is no such key, or it cannot have this value; the text lists the possible ones.
     pub fn set(&mut self, setting: &str) -> Result<(), String> {
         let (name, value) = setting.split_once('=').unwrap_or((setting, ""));
         let (name, value) = (name.trim(), value.trim());

@@ -69,8 +69,8 @@ pub enum SensorMotion {
     Rest,
     /// It is held unsteadily: amplitude of the rate, rad/s.
     Tremble(f64),
-    /// It turns the shortest way to this attitude, sensor to north-east-down, in so many seconds,
-    /// and rests there.
+    /// It turns the shortest way to this attitude, sensor to north-east-down, in this number of
+    /// seconds, and rests there.
     To(UnitQuaternion<f64>, f64),
     /// It turns through all directions.
     Turn,

@@ -6,9 +6,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 use plant::ascent::Ascent;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// For a sensor at `lever_m` (body axes) from the pivot of a drone that turns about it with a rate
-/// (rad/s, nose up) and an acceleration (rad/s^2), and whose nose points to `heading_rad` from true
-/// north; along the sensor's axes, which are the body's. `gravity` in m/s^2.
+/// For a sensor at `lever_m` (body axes) from the pivot of a drone; along the sensor's axes, which
+/// are the body's. The drone turns about the pivot with a rate (rad/s, nose up) and an acceleration
+/// (rad/s^2), and its nose points to `heading_rad` from true north. `gravity` in m/s^2.
 ///
 /// The drone turns with `w = (0, q, 0)`, and the pivot stands still, so that a point `r` has the
 /// acceleration `dw/dt x r + w x (w x r) = (q' z - q^2 x, 0, -q' x - q^2 z)`: the first terms are

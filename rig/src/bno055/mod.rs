@@ -41,11 +41,11 @@
 //! | `refresh` | each sensor refreshed by a clock of its own | DS has no rate for the modes without fusion; nobody has published one |
 //! | `magnetometer` | the field is old, zero or stuck | users' reports of (0, 0, 0); the age is an estimate |
 //!
-//! Left out: the chip's own fusion and calibration algorithms (their results are taken from the
-//! truth), interrupts (no board wires INT, and it has been seen not to fire), low power mode (it is
-//! treated as normal), the soft-iron matrix, HID-I2C and UART, and that the chip misses a START
-//! which a STOP follows directly. Slow edges on the bus are not modelled; what they do to the data
-//! is [`Fault::BitFlips`].
+//! Left out: the chip's own fusion and calibration algorithms (their results are the truth's), the
+//! soft-iron matrix, HID-I2C and UART. Interrupts are left out, too: no board wires INT, and it has
+//! been seen not to fire. Low power mode is treated as normal. Real chips also miss a START which a
+//! STOP follows directly. Slow edges on the bus are not modelled; what they do to the data is
+//! [`Fault::BitFlips`].
 //!
 //! [`Fault`] lists the faults that can be switched on and off while it runs, and what each does to
 //! registers or lines.

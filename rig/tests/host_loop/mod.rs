@@ -1,6 +1,6 @@
 //! The flight library and the sensor's driver at the environment's pins, without a chip between
-//! them: a bus master with ideal timing, ticks every 10 ms locked to a servo frame of 20 ms, as
-//! they are with a bus of 100 kHz.
+//! them. The bus master has ideal timing. Ticks come every 10 ms, locked to a servo frame of 20 ms,
+//! as they do with a bus of 100 kHz.
 
 use bno055_driver::{BusError, Imu, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
 use rig::bench::{BenchConfig, Environment, Wiring};

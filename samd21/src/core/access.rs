@@ -7,9 +7,9 @@
 //! | 0xE000_E000, 4 KB | the system control space, words only |
 //! | all else | the peripherals, at the time of the instruction |
 //!
-//! Flash wait states are counted as this chip's NVMCTRL makes them with its reset setting
-//! (CTRLB: cache on, READMODE no miss penalty): a direct-mapped cache of 8 lines of 8 bytes serves
-//! fetches and data loads alike; an access that hits costs nothing, one that misses fills the line
+//! Flash wait states are counted as this chip's NVMCTRL makes them with its reset setting (CTRLB:
+//! cache on, READMODE no miss penalty). A direct-mapped cache of 8 lines of 8 bytes serves fetches
+//! and data loads alike. An access that hits costs nothing; an access that misses fills the line
 //! and costs the wait states. The core's own prefetch is not modelled: only instructions that are
 //! executed are fetched, a half-word each.
 

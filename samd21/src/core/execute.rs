@@ -14,9 +14,9 @@
 //! | WFI, WFE | 2 and the sleep |
 //! | exception return | 11 on top of the branch |
 //!
-//! What ARM calls unpredictable is taken as undefined where a program can only get there by
-//! mistake (MSR to an unknown register, an empty register list), and as the obvious thing
-//! elsewhere (CMP of two low registers in the high-register form).
+//! What ARM calls unpredictable is taken as undefined where a program can only get there by mistake
+//! (MSR to an unknown register, an empty register list). Elsewhere it is taken as the obvious thing
+//! (CMP of two low registers in the high-register form).
 
 use super::decode::{Instruction, Operation, high_fields};
 use super::exception::RETURN_CYCLES;

@@ -1,7 +1,7 @@
 //! One access of the bus, as a peripheral sees it.
 //!
 //! Registers are grouped by 32-bit words. A read gives the whole word and the bus takes its part of
-//! it; in a write [`Lanes`] say which bytes of the word it drives, so that byte and half-word
+//! it. In a write [`Lanes`] say which bytes of the word it drives, so that byte and half-word
 //! writes reach the registers that they name and no others.
 
 pub(crate) use super::error::Refusal;

@@ -85,7 +85,7 @@ impl Run {
         }
     }
 
-    /// When so many counts of the ramp have passed.
+    /// When this number of counts of the ramp has passed.
     fn time_of(&self, counts: u64) -> Ticks {
         self.origin + self.rate.duration(self.start + counts)
     }
@@ -176,7 +176,7 @@ impl<const N: usize> Counter<N> {
         self.stopped = false;
     }
 
-    /// The time that so many cycles of its clock take, before its prescaler.
+    /// The time that this number of cycles of its clock takes, before its prescaler.
     pub(crate) fn cycles(&self, cycles: u64) -> Option<Ticks> {
         self.clock.map(|clock| clock.duration(cycles))
     }

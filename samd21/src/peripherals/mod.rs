@@ -446,7 +446,7 @@ impl Peripherals {
             violations: &mut self.violations,
         };
         let flipped = Lanes::new(word ^ 1 << bit, 0, 4);
-        // What is refused has been written all the same.
+        // What is refused has been written nonetheless.
         let _ = self.port.write(bus, offset, flipped);
         let now_read = self.port.read(now, offset, board);
         self.connect_pads(board);

@@ -1,8 +1,8 @@
 //! One random program as `differential.py` writes it, and its outcome on the emulated core.
 //!
-//! Little-endian: the number of half-words to write, each with its address; then R0 to R15, the
-//! flags in bits 31:28, PRIMASK, CONTROL, MSP, PSP, and two words that an outcome uses for the
-//! number of instructions and for how the run ended (0: at the BKPT behind the last one).
+//! Little-endian. First the number of half-words to write, and each with its address. Then R0 to
+//! R15, the flags in bits 31:28, PRIMASK, CONTROL, MSP, PSP. An outcome uses two more words: the
+//! number of instructions, and how the run ended (0: at the BKPT behind the last one).
 
 use samd21::board::{Ticks, Unconnected};
 use samd21::chip::{Registers, Stop};

@@ -111,7 +111,7 @@ impl Flying<'_> {
         setup
     }
 
-    /// With so many wait states of the flash.
+    /// With this number of wait states of the flash.
     fn with_wait_states(&self, states: u8) -> Setup {
         let mut setup = self.setup.clone();
         setup.rig.hardware.chip.wait_states = Some(states);

@@ -10,7 +10,7 @@ use report::measure::{Figure, figure};
 pub enum Outcome {
     /// As on the rig.
     Pass,
-    /// Not as on the rig; the board may work all the same.
+    /// Not as on the rig; the board may still work.
     Differ,
     /// It does not work.
     Fail,

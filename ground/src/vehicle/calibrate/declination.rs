@@ -32,7 +32,7 @@ fn today() -> Result<Date> {
 /// Declination at sea level, deg, east positive; `None` is today.
 ///
 /// # Errors
-/// [`BadInput`] for a day that is none, or one outside of the model's years.
+/// [`BadInput`] for a day that the calendar does not have, or one outside of the model's years.
 pub fn declination_deg(place: Place, day: Option<Day>) -> Result<f64> {
     let date = match day {
         None => today()?,

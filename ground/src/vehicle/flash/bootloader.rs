@@ -1,8 +1,8 @@
 //! Into the bootloader: by the 1200-baud touch.
 //!
-//! The port is opened at 1200 baud with DTR raised, and DTR is dropped; upon that the running
+//! The port is opened at 1200 baud with DTR raised, and DTR is dropped. Upon that the running
 //! firmware (unless it is armed) or Arduino sketch resets into the bootloader, which shows up as
-//! another port with a product id of its own.
+//! another port with another product id.
 
 use std::io;
 use std::thread::sleep;

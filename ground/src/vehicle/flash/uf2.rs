@@ -1,8 +1,8 @@
 //! UF2: the file that a mass-storage bootloader takes when it is copied onto the board's drive.
 //!
 //! A file is a row of 512-byte blocks, each with its own target address, so that a bootloader may
-//! take them in any order: 32 bytes of header, 476 of data (256 used), 4 of closing magic; all
-//! words little endian.
+//! take them in any order. A block has 32 bytes of header, 476 of data (256 used) and 4 of closing
+//! magic; all words are little endian.
 
 /// Bytes of flash in one block.
 const PAYLOAD: usize = 256;

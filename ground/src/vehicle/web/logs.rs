@@ -87,7 +87,7 @@ fn recorded(entry: &std::fs::DirEntry) -> Option<Recorded> {
 /// The path of a recording that is listed.
 ///
 /// # Errors
-/// There is none of this name, whatever else the name may point to.
+/// No log has this name, whatever else the name may point to.
 pub fn find(folder: &Path, name: &str) -> Result<PathBuf> {
     let listed = list(folder)?.into_iter().find(|log| log.name == name);
     let log = listed.context("there is no recording of this name")?;

@@ -8,9 +8,9 @@
 //! | `GET /rig.json` | what can be done to a virtual rig |
 //! | `GET /logs`, `/logs/NAME`, `/reports/NAME` | the recordings, one of them, its report |
 //!
-//! The page is no secret: the token is in the address that the tool prints, behind `#`, which
-//! browsers keep to themselves; the page sends it over its WebSocket, and as `Authorization:
-//! Bearer` where it asks for recordings, which no foreign page can send. `POST /stop` needs no
+//! The page is no secret. The token is in the address that the tool prints, behind `#`, which
+//! browsers keep to themselves. The page sends it over its WebSocket, and as `Authorization:
+//! Bearer` where it asks for recordings; no foreign page can send that. `POST /stop` needs no
 //! token, so that a page of an earlier start still stops the vehicle; it needs the header `X-Stop`,
 //! which a foreign page cannot send.
 //!

@@ -1,5 +1,4 @@
-//! `tvc calibrate` on recordings of the emulated sensor with large errors, held against what they
-//! are.
+//! `tvc calibrate` finds the large errors of the emulated sensor in its recordings.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

@@ -133,7 +133,7 @@ fn hold_and_chirp_give_their_figures_and_the_set_point_comes_back() {
     assert!(chirp["run"].is_null(), "no step: {chirp}");
     page.wait_for_parameter("PITCH_SET_DEG", 0.0);
 
-    // A STOP ends it, and the set point comes back all the same.
+    // A STOP ends it, and the set point still comes back.
     let answer = page.give("chirp", json!({ "seconds": 60 }), 0);
     assert!(answer["error"].is_null(), "{answer}");
     page.wait("frame", |frame| {

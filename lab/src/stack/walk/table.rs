@@ -1,8 +1,8 @@
 //! Tables of jumps: a `match` becomes a jump by an entry of a table that stands among the code.
 //!
 //! How many entries a table has is often not to be seen: the compiler knows the values of an enum.
-//! So a table is followed entry by entry, when every other path has been: it ends where something
-//! else begins, which is code, a literal or a table that was reached, or with an entry that leads
+//! So a table is followed entry by entry, when every other path has been. It ends where something
+//! else begins: code, a literal or a table that was reached. It also ends with an entry that leads
 //! out of its function or into data. An entry too many, as the byte that fills up a table, is
 //! possible; it can only add a path.
 

@@ -65,8 +65,8 @@ fn slew_rad_s(supply: Option<SupplySag>) -> f64 {
     (crank_at(&environment, 100) - crank_at(&environment, 60)) / 0.040
 }
 
-/// The load of the wash takes its part of the speed at either supply, hence more than the ratio
-/// of the voltages.
+/// The load of the wash takes its part of the speed at either supply. The speed falls by more than
+/// the ratio of the voltages.
 #[test]
 fn a_servo_at_4_8_v_slews_at_four_fifths_of_its_speed() {
     let (full, low) = (slew_rad_s(None), slew_rad_s(Some(stiff(4.8))));
@@ -74,8 +74,8 @@ fn a_servo_at_4_8_v_slews_at_four_fifths_of_its_speed() {
     assert_eq!(slew_rad_s(Some(stiff(RATED_SUPPLY_V))), full);
 }
 
-/// A motor that starts draws its stall current, and one that turns little: a weak supply costs the
-/// start of a move most, and at full speed only what the load of the wash asks for.
+/// A motor that starts draws its stall current, and a turning motor little. A weak supply costs the
+/// start of a move most. At full speed it costs only what the load of the wash asks for.
 #[test]
 fn a_weak_supply_gives_way_to_the_servos_current() {
     let weak = SupplySag {
@@ -131,7 +131,7 @@ fn a_sag_begins_and_ends() {
     assert_eq!(shares, [0.75, 0.625, 0.5, 0.5]);
 }
 
-/// The rudder's moment is proportional to the thrust: a drone whose rudder is over gains half the
+/// The rudder's moment is proportional to the thrust. A drone whose rudder is over gains half the
 /// rate under half the thrust. Gravity is off: the tilt does not matter.
 #[test]
 fn half_the_thrust_turns_the_drone_half_as_fast() {
@@ -197,8 +197,8 @@ fn passed(amplitude: f64, hz: f64) -> f64 {
 }
 
 /// Past the accelerometer's low-pass and its 100 Hz refresh, 180 Hz come out at 20 Hz with a third
-/// of their amplitude, and 101 Hz, which no filter after the sampling can tell from a motion, at
-/// 1 Hz with half of it.
+/// of their amplitude. 101 Hz come out at 1 Hz with half of it, which no filter after the sampling
+/// can tell from a motion.
 #[test]
 fn what_the_sensor_is_too_slow_for_arrives_as_an_alias() {
     for (frequency_hz, alias_hz) in [(180.0, 20.0), (101.0, 1.0)] {

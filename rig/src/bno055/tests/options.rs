@@ -25,8 +25,7 @@ fn a_late_register_reads_as_before_until_its_time_has_come() {
     assert_eq!(bus.read::<2>(page0::AXIS_MAP_CONFIG), [0x21, 0x01]);
 }
 
-/// The page in force when the byte was written counts, not the one when it acts, and a mode change
-/// begins late too.
+/// The page counts that was in force when the byte was written. A mode change begins late, too.
 #[test]
 fn a_late_write_keeps_its_page_and_delays_what_it_asks_for() {
     let mut bus = Bus::started_as(late(10));
@@ -202,8 +201,8 @@ fn a_dead_magnetometer_reads_zero_and_a_stuck_one_its_first_field() {
     }
 }
 
-/// At 0x29 the chip starts, runs, suffers a lost acknowledge and a pulled cable as at 0x28, and
-/// nobody answers at the other address.
+/// At 0x29 the chip starts, runs, and suffers a lost acknowledge and a pulled cable as at 0x28.
+/// Nobody answers at the other address.
 #[test]
 fn the_other_address_does_all_the_same() {
     for (address, other) in [(0x28, 0x29), (0x29, 0x28)] {

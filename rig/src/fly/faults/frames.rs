@@ -61,8 +61,8 @@ pub(super) fn valid_frame(dice: &mut impl Rng) -> Vec<u8> {
 }
 
 /// A frame that leaves a vehicle in this phase as it is, but for a parameter that is not far from
-/// its value in `params`: an order that is refused or already done, a parameter out of its range,
-/// or a question. Where nothing is armed, a save is obeyed.
+/// its value in `params`. It is an order that is refused or already done, a parameter out of its
+/// range, or a question. Where nothing is armed, a save is obeyed.
 pub(super) fn harmless_frame(phase: Phase, params: &Params, dice: &mut impl Rng) -> Vec<u8> {
     // All but the release.
     let armed = [&FLYING[..2], &FLYING[3..]].concat();

@@ -2,12 +2,14 @@
 //! and host do beyond that ([`SystemKind`]), at random instants of a flight.
 //!
 //! One flight is flown without a fault, with snapshots of the whole rig every 40 ms. Every run
-//! continues from a copy of one of them to its own instant, switches its fault on for 5 to 500 ms
-//! (a glitch for 4 to 40 ms), and watches for 0.7 s more (twice as long if the drone is still on
-//! its way back; 1.7 s beyond the sensor, for a reset takes half a second in the bootloader). A run
-//! is judged by what can be seen from outside: the pulses on the servos' wires, the drone's true
-//! tilt, and the state that the firmware reports. Faults beyond the sensor may begin in another
-//! [`Phase`] of the vehicle than in flight, too. How a run ends:
+//! continues from a copy of one of them to its own instant and switches its fault on for 5 to 500
+//! ms, a glitch for 4 to 40 ms. It watches for 0.7 s more, twice as long if the drone is still on
+//! its way back. Beyond the sensor it watches for 1.7 s: a reset takes half a second in the
+//! bootloader.
+//!
+//! A run is judged by what can be seen from outside: the pulses on the servos' wires, the drone's
+//! true tilt, and the state that the firmware reports. Faults beyond the sensor may begin in
+//! another [`Phase`] of the vehicle than in flight, too. How a run ends:
 //!
 //! | ending | means |
 //! |---|---|
@@ -18,29 +20,35 @@
 //! A rudder is *without valid data* from the last control step that worked on a valid burst, or
 //! from the fault's beginning where there has been none since. A burst is valid if it brought,
 //! complete, the words that a faultless sensor and cable would have given at that moment, to within
-//! 2 m/s^2, 5 uT and 4 deg/s: a sample as wrong as that moves the rudder by less than 2 degrees,
-//! once. The time ends with the rising edge of the first neutral pulse, or with the next such step;
-//! for a fault that stays it is the time from the fault to the neutral pulse. It counts whether or
-//! not the firmware noticed that its data were wrong.
+//! 2 m/s^2, 5 uT and 4 deg/s. A sample as wrong as that moves the rudder by less than 2 degrees,
+//! once.
+//!
+//! The time ends with the rising edge of the first neutral pulse, or with the next such step; for a
+//! fault that stays it is the time from the fault to the neutral pulse. It counts whether or not
+//! the firmware noticed that its data were wrong.
 //!
 //! # Stray pulses
 //! A pulse that is neither neutral nor as wide as the program had asked for when it rose is a
 //! *stray* one: a reset has cut it, or a wrong register has made it. A servo goes where the last
-//! pulse says, so a stray one is unsafe by itself, and so is a pin that stays high. Two things
-//! excuse it. Where the fault is a wrong register or clock, which makes wrong pulses until it is
-//! noticed, only the last one before a silence is unsafe; the others count as driven wrongly
-//! (below). And where the pulses end with the fault and no instruction runs that could prevent it
-//! (a reset from outside, a clock that stands still, interrupts held off for ever, a core in
-//! lock-up), stray pulses are counted alone.
+//! pulse says, so a stray one is unsafe by itself, and so is a pin that stays high.
+//!
+//! Two things excuse it. Where the fault is a wrong register or clock, which makes wrong pulses
+//! until it is noticed, only the last one before a silence is unsafe; the others count as driven
+//! wrongly (below). And where the pulses end with the fault and no instruction runs that could
+//! prevent it (a reset from outside, a clock that stands still, interrupts held off for ever, a
+//! core in lock-up), stray pulses are counted alone.
 //!
 //! # Beyond the sensor
 //! There the data are good and what becomes of them may be wrong. A rudder is *driven wrongly* by a
 //! pulse that is neither neutral nor near that of the flight without the fault (100 us, some 10
-//! degrees of crank), while the drone is on that flight's course; or, off it by more than 0.05 rad,
-//! by one that pushes it farther away. More than 200 ms of that without a break are unsafe. A servo
-//! without pulses is not driven, but keeps the angle that it had: a run without a pulse for longer
-//! than watchdog and bootloader take together is unsafe too, unless the last one was neutral. In
-//! every other phase than the flight each pulse off neutral is a wrong one. How a run ends:
+//! degrees of crank), while the drone is on that flight's course. A drone that is off it by more
+//! than 0.05 rad is driven wrongly by a pulse that pushes it farther away. More than 200 ms of that
+//! without a break are unsafe.
+//!
+//! A servo without pulses is not driven, but keeps the angle that it had: a run without a pulse for
+//! longer than watchdog and bootloader take together is unsafe too, unless the last one was
+//! neutral. In every other phase than the flight each pulse off neutral is a wrong one. How a run
+//! ends:
 //!
 //! | ending | means |
 //! |---|---|

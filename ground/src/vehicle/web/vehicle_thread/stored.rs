@@ -31,8 +31,8 @@ impl Stored {
         self.asked = None;
     }
 
-    /// The value of a parameter that an operator stores. The watch over this program is none of
-    /// the operator's doing.
+    /// The value of a parameter that an operator stores. The operator has not set the watch over
+    /// this program.
     pub(super) fn value(&self, name: &str, host: &HostWatch) -> Option<f32> {
         let is_own = is_measured(name) || (name == FS_HOST && host.is_on());
         self.params.as_ref().filter(|_| !is_own)?.value(name)

@@ -214,8 +214,8 @@ impl SystemRun<'_> {
         !self.commanded && (is_silent && !self.given_up || is_driven)
     }
 
-    /// The longest time for which a rudder was driven wrongly without a break: from the first of
-    /// such pulses to the next that is none, or to the end of the last one's frame.
+    /// The longest time for which a rudder was driven wrongly without a break: from the first wrong
+    /// pulse to the next right pulse, or to the end of the last one's frame.
     fn longest_wrong(&self, rudder: &Rudder<'_>, reference: &[Pulse]) -> Ticks {
         let restoring = restoring(rudder, reference);
         let mut longest = Ticks::ZERO;

@@ -37,7 +37,7 @@ enum Motion {
     Rest,
     /// Knocks on its board.
     Knocks,
-    /// It is moved by hand, not faster than so many deg/s.
+    /// It is moved by hand, not faster than this rate, deg/s.
     Hand(u16),
     /// Magnets pass.
     Magnets,
@@ -50,15 +50,15 @@ pub(super) enum Host {
     Away,
     /// It reads.
     Reads,
-    /// It sends so many [harmless](harmless_frame) frames a second.
+    /// It sends [harmless](harmless_frame) frames at this rate, 1/s.
     Frames(f64),
-    /// It sends so many [valid](valid_frame) frames a second.
+    /// It sends [valid](valid_frame) frames at this rate, 1/s.
     Orders(f64),
     /// It sends those as fast as they are taken.
     Flood,
     /// It sends noise as fast as it is taken.
     Noise,
-    /// It changes a parameter and saves all, every so many ms.
+    /// It changes a parameter and saves all, with this period, ms.
     Saves(u64),
 }
 

@@ -2,9 +2,9 @@
 //!
 //! A defence that refuses sound data or resets a sound board is worse than the fault that it is
 //! for. So every run draws a vehicle and a world as sound ones may be ([`parts`]): chip, sensor and
-//! host that differ, noise, offsets, iron, temperature; and what happens to it ([`acts`]): knocks,
-//! a hand, magnets, a propeller's vibration, a host that is away, asks, orders, saves or floods.
-//! [`judge`] says what of it is an alarm. A run has none if
+//! host that differ, noise, offsets, iron, temperature. It draws, too, what happens to it
+//! ([`acts`]): knocks, a hand, magnets, a propeller's vibration, a host that is away, asks, orders,
+//! saves or floods. [`judge`] says what of it is an alarm. A run has none if
 //!
 //! | what | is | but |
 //! |---|---|---|
