@@ -3,7 +3,7 @@
 command of the tools run with --json, and the picture from the report of a flight.
 
     python3 tools/measurements.py --broad FOLDER     all sections; takes about a quarter of an hour
-    python3 tools/measurements.py --without-broad    leaves out the scores on the BROAD recordings, and says so
+    python3 tools/measurements.py --without-broad    leaves the scores on the BROAD recordings as they are
 
 FOLDER holds IMUQ16v1 recordings (.imuq) of the BROAD data set. The commands run through `cargo tvc`, so the tool
 and the image are built from this checkout. Run it on an idle machine: the speed of the emulation is a time.

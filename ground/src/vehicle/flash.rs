@@ -30,8 +30,9 @@ Examples:
   tvc flash --elf f.elf --bin f.bin --uf2 f.uf2    only write files, for other programmers
 
 The image is linked at 0x2000, above the bootloader; never write it to 0x0. Stored parameters are
-kept: bossac 1.9 and newer erase only what they write, and so do UF2 bootloaders. docs/guides/flashing.md
-has bossac for every system, debug probes, and the way back to a lost bootloader.
+kept: bossac 1.9 and newer erase only what they write, and so do UF2 bootloaders.
+docs/guides/flashing.md has bossac for every system, debug probes, and the way back to a lost
+bootloader.
 Exit status: 0 written, 1 something failed, 2 unusable input.")]
 pub struct Flash {
     /// Serial port of the Nano [default: the only SAMD21 that is connected].

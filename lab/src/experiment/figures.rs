@@ -167,7 +167,9 @@ impl Estimator {
     /// Its figures, held to what is required of it.
     fn figures(&self, kind: Kind) -> [Figure; 7] {
         let held = |is_held: bool, limit: Limit| (is_held && self.required).then_some(limit);
-        let mean = held(true, Within(-MOST_MEAN_DEG, MOST_MEAN_DEG));
+        let mean = self
+            .required
+            .then_some(Within(-MOST_MEAN_DEG, MOST_MEAN_DEG));
         let rmse = held(kind == Kind::Motion, AtMost(MOST_MOTION_DEG));
         let combined = held(kind == Kind::Static, AtMost(MOST_STATIC_DEG));
         let deg = |key, deg: f64, label: &str| figure(key, deg).shown(label, "", 3);

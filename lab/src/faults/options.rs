@@ -34,8 +34,8 @@ Examples:
   cargo lab faults merge part*.csv                    what many shards add up to
   cargo lab faults rerun report/faults/RUN.toml        one unsafe run again
 
-The same seed gives the same runs. docs/reference/campaigns.md says what is safe, what is unsafe, and what of a
-sound vehicle is an alarm.
+The same seed gives the same runs. docs/reference/campaigns.md says what is safe, what is unsafe,
+and what of a sound vehicle is an alarm.
 
 Exit status: 0 no unsafe run and no alarm (and 99 % of glitches ridden out), 1 at least one or
 something failed, 2 unusable input."

@@ -39,7 +39,8 @@ Examples:
   tvc rig tell ./nano clear all
   tvc rig tell ./nano state                      how the rig is, as one JSON object
 
-Prints how the rig is then. docs/guides/troubleshooting.md has the actions that lead to what it describes.
+Prints how the rig is then. docs/guides/troubleshooting.md has the actions that lead to what it
+describes.
 Exit status: 0 done, 1 no rig answers, 2 no such action."
     )
 }
