@@ -32,7 +32,8 @@ Examples:
   tvc support report.zip --rig               of the virtual rig
 
 The file holds info.json, parameters.param and release.tlog, as far as the vehicle can be reached.
-Your folders, your name and other programs are left out. It asks the vehicle and changes nothing.
+It leaves out the path of your home folder, who may open the port, and other programs.
+It asks the vehicle and changes nothing.
 Exit status: 0 written, 1 written without the vehicle's part or something failed, 2 unusable input.")]
 pub struct Support {
     /// The file to write (.zip).
