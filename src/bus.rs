@@ -141,9 +141,9 @@ enum Step {
     Address,
     /// The register's number is on its way.
     Register,
-    /// So many payload bytes are on their way or acknowledged.
+    /// The number of payload bytes on their way or acknowledged.
     Writing(usize),
-    /// The repeated start or a byte is on its way; so many have come.
+    /// The repeated start or a byte is on its way. The number of bytes that have come.
     Reading(usize),
     /// Over; the main loop has not collected it.
     Done(Result<(), BusError>),

@@ -76,8 +76,8 @@ pub const BURNOUT_US: u64 = 200_000;
 pub const PAD_TILT_SD_DEG: f32 = 0.3;
 
 /// Silence of the host that is a failsafe where `FS_HOST` is on: three heartbeats of a client that
-/// sends one a second, less a reserve, so that the rudder is at neutral within three seconds of the
-/// last heartbeat, whenever the steps come.
+/// sends one a second, less a reserve. Whenever the steps come, the rudder is at neutral within
+/// three seconds of the last heartbeat.
 pub const HOST_SILENCE_US: u64 = 2_950_000;
 
 /// A host that never says that its port is open counts as gone after so long without a message, us:

@@ -48,7 +48,7 @@ enum Phase {
     Idle,
     /// Armed: the steps before a release that may come.
     Waiting,
-    /// Released: so many steps are still to come.
+    /// Released: the number of steps that are still to come.
     Running(usize),
     /// Complete, and ready to be fetched.
     Whole,

@@ -34,7 +34,7 @@ impl Load {
         }
     }
 
-    /// The processor has slept for so many cycles.
+    /// The processor has slept for this number of cycles.
     pub fn slept(&mut self, cycles: u32) {
         self.asleep = self.asleep.saturating_add(cycles);
     }

@@ -40,8 +40,8 @@ fn recovers(rig: &mut Rig) {
     assert_eq!(rig.driver.fault(), None);
 }
 
-/// Spoils the chip, and expects its first fault within so many bursts and microseconds, the same
-/// fault as long as the chip is spoilt, no sampling, and recovery once it is mended.
+/// Spoils the chip. Expects its first fault within `bursts_max` bursts and `us_max`, the same fault
+/// and no sampling as long as the chip is spoilt, and recovery once it is mended.
 fn seen_until_mended(
     spoil: impl Fn(&mut Chip),
     fault: SensorFault,
@@ -83,7 +83,7 @@ fn one_lost_transfer_costs_one_sample() {
     assert_eq!(rig.driver.health().starts, 1);
 }
 
-/// A cable that is silent for less than [`GLITCH_US`] does not cost a set-up, whatever it shows; a
+/// A cable that is silent for less than [`GLITCH_US`] does not cost a set-up, whatever it shows. A
 /// longer silence does.
 #[test]
 fn a_short_silence_is_ridden_out_and_a_long_one_is_not() {

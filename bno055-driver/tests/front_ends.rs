@@ -233,9 +233,9 @@ fn samples_each_with_one_verification() {
 
 #[test]
 fn a_lost_chip_is_set_up_again_from_within_sample() {
-    // The verifications between the bursts still succeed; the seventh burst, 60 ms after the first,
-    // gives the chip up, and it is set up again within that call and the following ones. The call
-    // that completes the set-up also takes a sample.
+    // The verifications between the bursts still succeed. The seventh burst, 60 ms after the first,
+    // gives the chip up. That call and the following ones set it up again, and the last of them
+    // also takes a sample.
     let script = (0..6)
         .fold(Script::new().set_up(), |script, _| {
             script.nak_burst().read(0x3D, &[7])
@@ -360,7 +360,7 @@ fn suspend_and_resume() {
     ]);
 }
 
-/// Each kind of bus error under its own name, from a burst; the bus' own words are kept.
+/// Each kind of bus error under its own name, from a burst. The bus' own words are kept.
 #[test]
 fn kinds_of_bus_errors() {
     for (kind, fault) in [

@@ -152,8 +152,8 @@ fn the_pattern_seen_around_crashes_ends_sampling() {
     assert!(!rig.driver.is_sampling());
 }
 
-/// Two bad samples in three end trust in the third, whose small errors nobody sees; one in five is
-/// ridden out.
+/// Two bad samples in three end the trust in the third, whose small errors nobody sees. One bad
+/// sample in five does not.
 #[test]
 fn a_bus_that_is_mostly_wrong_is_not_believed_when_it_seems_right() {
     let verdicts = |bad: fn(usize) -> bool| {
@@ -182,9 +182,9 @@ fn a_bus_that_is_mostly_wrong_is_not_believed_when_it_seems_right() {
     assert!(!seldom.contains(&Some(SensorFault::Unreliable)));
 }
 
-/// Of a hundred thousand bursts one in ten is spoilt at random, at most two in a row, in one of the
-/// ways of a long cable. Whatever comes out is what the chip held, to within what a judge of
-/// plausibility cannot tell from a motion.
+/// A hundred thousand bursts, of which one in ten is spoilt in one of the ways of a long cable. At
+/// most two in a row are. Whatever comes out is what the chip held, to within what no judge can
+/// tell from a motion.
 #[test]
 fn what_comes_out_of_a_bad_cable_is_the_chips_own_to_within_what_a_motion_may_be() {
     let mut rig = flying(Config {
@@ -240,8 +240,8 @@ fn what_comes_out_of_a_bad_cable_is_the_chips_own_to_within_what_a_motion_may_be
     assert!(spoilt > 9_000 && out > 85_000, "{spoilt} {out}");
 }
 
-/// A sensor whose data line stays high, at rest, where rates of -1 are nothing unusual: no burst of
-/// them makes up for the whole ones that say nothing.
+/// The data line of a sensor at rest stays high. Rates of -1 are usual at rest: no burst of them
+/// makes up for the bursts of ones alone.
 #[test]
 fn rates_of_ones_are_none_behind_a_lost_burst() {
     let mut rig = Rig::sampling(Config::default());
@@ -263,8 +263,8 @@ fn rates_of_ones_are_none_behind_a_lost_burst() {
     }
 }
 
-/// Registers that read wrong once each, and right when they are read again, are signs of a bus that
-/// flips bits just as bad samples are.
+/// Registers that read wrong once each, and right the second time, are signs of a bus that flips
+/// bits. So are bad samples.
 #[test]
 fn registers_that_read_wrong_count_like_bad_samples() {
     let mut rig = flying(Config::default());
@@ -372,7 +372,7 @@ fn words_of_ones_between_both_sides_are_motion() {
     }
 }
 
-/// An owner whose gap between two bursts is too short for the identity gets a shorter verification
+/// The gap between two bursts may be too short for the identity. A shorter verification then comes
 /// behind the next burst.
 #[test]
 fn an_identity_that_is_not_read_gives_way() {

@@ -2,11 +2,12 @@
 //!
 //! The magnetometer corrects the heading only, so no disturbance reaches roll or pitch. The filter
 //! compares the field's horizontal and vertical part, in the estimated earth frame, with a
-//! reference. The reference is averaged at start-up and follows slowly. A field that differs is a
-//! disturbance, and the filter ignores it until one of two events. If the field has stayed the same
-//! while the body turned, the place has changed, and the field becomes the reference. If the
-//! disturbance has lasted long, the heading's drift would be worse than the field's error, and the
-//! heading follows it.
+//! reference. The reference is averaged at start-up and follows slowly.
+//!
+//! A field that differs is a disturbance, and the filter ignores it until one of two events. If the
+//! field has stayed the same while the body turned, the place has changed, and the field becomes
+//! the reference. If the disturbance has lasted long, the heading's drift would be worse than the
+//! field's error, and the heading follows it.
 
 use core::f32::consts::PI;
 

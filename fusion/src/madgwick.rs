@@ -1,12 +1,13 @@
 //! Madgwick's gradient-descent filter.
 //!
 //! S. Madgwick, A. Harrison, R. Vaidyanathan, "Estimation of IMU and MARG orientation using a
-//! gradient descent algorithm", IEEE ICORR 2011, equations 25 to 44. Each second the estimate moves
-//! `beta` along the normalised gradient of the misfit between the measured and the predicted
-//! directions. On the unit sphere that gradient is the rotation `a x v` from the predicted to the
-//! measured direction, so the step is a rotation. The field's reference is horizontal, the paper's
-//! compensation with `b = (1, 0, 0)`: the field turns the heading only. A step never passes the
-//! minimum, because at zero misfit no direction can be normalised.
+//! gradient descent algorithm", IEEE ICORR 2011, equations 25 to 44.
+//!
+//! Each second the estimate moves `beta` along the normalised gradient of the misfit between the
+//! measured and the predicted directions. On the unit sphere that gradient is the rotation `a x v`
+//! from the predicted to the measured direction, so the step is a rotation. The field's reference
+//! is horizontal, the paper's compensation with `b = (1, 0, 0)`: the field turns the heading only.
+//! A step never passes the minimum, because at zero misfit no direction can be normalised.
 
 use crate::error::{ConfigError, in_range};
 use crate::filter::{Filter, View};

@@ -1,12 +1,13 @@
 //! Mahony's explicit complementary filter.
 //!
 //! R. Mahony, T. Hamel, J.-M. Pflimlin, "Nonlinear complementary filters on the special orthogonal
-//! group", IEEE Trans. Automatic Control 53(5), 2008, equations 32 and 48. The rotation from the
-//! predicted to the measured vertical, `a x v`, is fed back in proportion; its integral is the
-//! gyroscope's offset. Two points differ from the paper. The magnetometer turns the estimate about
-//! the vertical only, with a gain of its own. The acceleration is scaled by standard gravity and
-//! not normalised: the acceleration of a motion has a mean of zero as a vector, but not as a
-//! direction.
+//! group", IEEE Trans. Automatic Control 53(5), 2008, equations 32 and 48.
+//!
+//! The rotation from the predicted to the measured vertical, `a x v`, is fed back in proportion.
+//! Its integral is the gyroscope's offset. Two points differ from the paper. The magnetometer turns
+//! the estimate about the vertical only, with a gain of its own. The acceleration is scaled by
+//! standard gravity and not normalised: the acceleration of a motion has a mean of zero as a
+//! vector, but not as a direction.
 
 use crate::config::GRAVITY;
 use crate::error::{ConfigError, in_range};

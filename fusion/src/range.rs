@@ -9,10 +9,11 @@
 //! The limit need not be known, and may differ between the axes and between the two senses of each.
 //! Near an axis' largest rate so far, two signs show a limit. Either the rate stays the same to the
 //! count for three samples after a fast change, or it hardly changes, because factory calibration
-//! mixes a little of the other axes into a clipped axis. A smooth motion has neither sign: around
-//! the peak of a sine the steps are as 5, 3, 1, -1. A steady spin may show both. So a limit is only
-//! supposed until it appears again, or in another sense or axis. Meanwhile only peaks of up to half
-//! a second are compensated.
+//! mixes a little of the other axes into a clipped axis.
+//!
+//! A smooth motion has neither sign: around the peak of a sine the steps are as 5, 3, 1, -1. A
+//! steady spin may show both. So a limit is only supposed until it appears again, or in another
+//! sense or axis. Meanwhile only peaks of up to half a second are compensated.
 
 use crate::real::Real;
 

@@ -64,8 +64,8 @@ fn scales() -> impl Iterator<Item = (String, Scale)> {
     })
 }
 
-/// Ten seconds of rest with an offset of 3 deg/s, levelled in their midst, when that is known; then
-/// five of turning at up to a third of the range and shaken. The error at the end, deg.
+/// Ten seconds of rest with an offset of 3 deg/s, levelled when the offset is known. Then five of
+/// turning at up to a third of the range and shaken. The error at the end, deg.
 fn error_deg<F: Filter<Gains: Default>>(scale: &Scale, rate_hz: u32) -> f64 {
     let period_us = 1_000_000 / rate_hz;
     let config = Config::default();

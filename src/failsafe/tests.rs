@@ -179,7 +179,7 @@ struct Key {
     over_tilt: Option<u64>,
 }
 
-/// What an order was answered; nothing for an event that is none.
+/// What an order was answered; nothing for any other event.
 type Reply = Option<Result<(), Refusal>>;
 
 impl Seat {

@@ -168,7 +168,7 @@ impl Launch {
     }
 
     /// Standard deviation of the tilt about either axis (deg), which grows while the vehicle [flies
-    /// free](Self::is_free): what is uncertain on the pad, the offset that was learned there, the
+    /// free](Self::is_free). It has four parts: the tilt on the pad, the offset learned there, the
     /// gyroscope's noise, and the part of its offset that an acceleration makes, by `GYR_PER_G`.
     // Not inlined: it is asked for once a second.
     #[inline(never)]

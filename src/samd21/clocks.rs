@@ -3,9 +3,10 @@
 //! No crystal is needed. The DFLL makes 48 MHz, disciplined by USB's start-of-frame where
 //! there is a host. Where there is none, it keeps what a host disciplined it to last, or starts
 //! with what the parameter `CLK_FINE` has kept from there; without either it is off by up to 3 %.
-//! The HAL sets it up and waits for its oscillators without a limit: that is left as it is. It
-//! happens before the first pulse and before the watchdog runs, and a chip whose oscillator does
-//! not start could make neither pulses nor USB whatever this code did.
+//!
+//! The HAL sets it up and waits for its oscillators without a limit. That wait comes before the
+//! first pulse and before the watchdog runs. A chip whose oscillator does not start could make
+//! neither pulses nor USB anyway.
 
 use atsamd_hal::clock::{ClockGenId, ClockSource, GenericClockController, Tcc0Tcc1Clock, UsbClock};
 use atsamd_hal::pac;

@@ -9,10 +9,11 @@
 //!
 //! After the servo has been sent to neutral the chip does not reset at once. For a tenth of a
 //! second the timer goes on sending neutral pulses, so that the rudder gets there before the
-//! bootloader's half second without any. Then the chip is reset between two pulses: the servo goes
-//! where the last pulse says, and one that is cut short says something else. A processor that locks
-//! up (a fault within the fault handler, or a stack pointer outside RAM) leaves no record, and the
-//! watchdog ends it at any moment.
+//! bootloader's half second without any. Then the chip is reset between two pulses, because the
+//! servo would follow a pulse that is cut short.
+//!
+//! A processor that locks up (a fault within the fault handler, or a stack pointer outside RAM)
+//! leaves no record, and the watchdog ends it at any moment.
 
 use core::ptr::addr_of_mut;
 
@@ -225,7 +226,7 @@ struct Starts {
     seal: u32,
 }
 
-/// An image that has not come to work in so many starts is left to the bootloader.
+/// An image that has not come to work after this number of starts is left to the bootloader.
 const STARTS_MAX: u32 = 4;
 
 /// The program starts. What ends it before it works, a bit that has flipped in the code of its

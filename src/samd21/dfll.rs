@@ -1,4 +1,4 @@
-//! The DFLL, held against what start-up has left in it. It is no row of the
+//! The DFLL, compared with what start-up has left in it. It is no row of the
 //! [table](super::registers): start-of-frame tunes it all the time.
 
 use tvc_nano::SelfCheck;

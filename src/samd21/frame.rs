@@ -3,9 +3,10 @@
 //! A TCC counts up at 3 MHz. Its overflow is the rising edge of the pulses, the compare channel of
 //! a servo's pin the falling edge (normal PWM, data sheet 31.6.2.5). Pulses are written to the
 //! channel's buffer register and take effect at the next overflow: the compare register itself,
-//! written while the pin is high, would make one pulse last a whole frame. The other two compare
-//! channels have no pin; their interrupts are the ticks of the [`TickPlan`]. Of three ticks in a
-//! frame the first two share a channel: each match sets it to the next of them.
+//! written while the pin is high, would make one pulse last a whole frame.
+//!
+//! The other two compare channels have no pin; their interrupts are the ticks of the [`TickPlan`].
+//! Of three ticks in a frame the first two share a channel: each match sets it to the next of them.
 //!
 //! A register that is still synchronising with the timer's clock discards a second write (data
 //! sheet 14.3): every write here waits for its flag, for a bounded time.
@@ -74,7 +75,7 @@ static KEPT: [AtomicU32; Axis::COUNT] = [AtomicU32::new(0), AtomicU32::new(0)];
 static SENT: [AtomicU32; CHANNELS] = [const { AtomicU32::new(0) }; CHANNELS];
 /// The frame has begun to run and the timer may be touched from anywhere.
 static RUNNING: AtomicBool = AtomicBool::new(false);
-/// A tick comes every so many frames.
+/// Frames from one tick to the next.
 static FRAMES_PER_TICK: AtomicU8 = AtomicU8::new(1);
 /// Frames since the last tick.
 static FRAMES: AtomicU8 = AtomicU8::new(0);
@@ -97,7 +98,7 @@ static TICK: Mutex<Cell<Option<Tick>>> = Mutex::new(Cell::new(None));
 pub(crate) struct Frame {
     timing: Timing,
     plan: TimerPlan,
-    /// The timer has the pins of so many servos.
+    /// Number of servos whose pins the timer has.
     connected: usize,
 }
 

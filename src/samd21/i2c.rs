@@ -2,12 +2,15 @@
 //! transfer's steps, the main loop looks after its deadline, and only a data line that a slave
 //! holds low is clocked free ([`recovery`]).
 //!
-//! What the data sheet's chapter 28 asks for and drivers have tripped over: BUSSTATE must be forced
-//! to idle after enabling; every command waits for the one before; a refused address of a read
-//! shows as MB, not SB; flags are cleared by writing ones to them; a START while the STOP before is
-//! still on the wire would be a repeated start; BAUD counts from 10 cycles and the lines' rise
-//! time, and holds one byte. Time-outs of the hardware are left off: the BNO055 stretches the clock
-//! for longer than they allow.
+//! What the data sheet's chapter 28 asks for, and drivers have missed:
+//!
+//! - BUSSTATE must be forced to idle after enabling, and every command waits for the one before.
+//! - A refused address of a read shows as MB, not SB. Flags are cleared by writing ones to them.
+//! - A START while the STOP before is still on the wire would be a repeated start.
+//! - BAUD counts from 10 cycles and the lines' rise time, and holds one byte.
+//!
+//! Time-outs of the hardware are left off: the BNO055 stretches the clock for longer than they
+//! allow.
 
 mod recovery;
 mod sercom;

@@ -2,8 +2,8 @@
 //! a second, before or after it has done harm. Twelve times a second is not too often: read four
 //! times, two flipped bits of 2,500 drove a rudder wrongly for more than 200 ms.
 //!
-//! The first pass, at start-up, gives the sums that the later ones must give too, and they must be
-//! those that the image was sealed with (`image-build/src/seal.rs`): an image that lost a bit while
+//! The first pass, at start-up, gives the sums that the later passes must give too. They must be
+//! those that the image was sealed with (`image-build/src/seal.rs`). An image that lost a bit while
 //! nothing ran sends neutral pulses for a moment and is left to the bootloader. The later passes
 //! run in small parts before the main loop sleeps, as long as nothing has asked for it.
 

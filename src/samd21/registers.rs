@@ -15,7 +15,7 @@ use crate::boards::WIRING;
 const ALWAYS: usize = 25;
 /// Rows of the servos' pins, the last ones.
 const SERVO_ROWS: usize = 4;
-/// Of the others, so many a step.
+/// Of the others, this number a step.
 const AT_ONCE: usize = 4;
 
 const PM: u32 = 0x4000_0400;

@@ -2,9 +2,9 @@
 //!
 //! The stack grows down towards the statics, and nothing in this core stops it there. So the free
 //! RAM is painted at start-up, and the watchdog's guard looks at its lowest words before it feeds
-//! the watchdog: a stack that has reached them ends in a reset with a reason, within 20 ms, instead
-//! of in statics that change by themselves. The paint also shows a debugger, or the emulated chip's
-//! owner, the deepest point so far.
+//! the watchdog. A stack that has reached them ends in a reset with a reason, within 20 ms, and
+//! cannot change statics unnoticed. The paint also shows a debugger, or the emulated chip's owner,
+//! the deepest point so far.
 
 use core::ptr::addr_of_mut;
 

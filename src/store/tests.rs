@@ -20,7 +20,7 @@ pub(crate) struct Mock {
 enum Tear {
     /// Nothing changed.
     Before,
-    /// So many bytes are done, the rest is as it was.
+    /// This number of bytes is done, the rest is as it was.
     Part(usize),
     /// Bits half way: some have changed and some have not.
     Bits(u64),

@@ -2,8 +2,8 @@
 //! from us.
 //!
 //! Only the messages that the flight understands are taken. Anything else is given up as soon as
-//! its header shows it, and the search goes on at the very next byte: noise that looks like a start
-//! marker cannot swallow the frames behind it, and the buffer needs to hold no more than the
+//! its header shows it, and the search goes on at the very next byte. So noise that looks like a
+//! start marker does not cost the frames behind it, and the buffer needs to hold no more than the
 //! longest message of interest.
 
 use heapless::Vec;

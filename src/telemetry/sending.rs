@@ -62,8 +62,8 @@ impl Telemetry {
         self.send_frame(priority, kind, &words);
     }
 
-    /// A frame with the payload `words`; `kind` is the message's number and CRC_EXTRA. One that is
-    /// dropped spends its number all the same.
+    /// A frame with the payload `words`; `kind` is the message's number and CRC_EXTRA. A frame that
+    /// is dropped uses up its sequence number, too.
     #[inline(never)]
     fn send_frame(&mut self, priority: Priority, kind: [u32; 2], words: &[u32]) {
         let [id, extra_crc] = kind;

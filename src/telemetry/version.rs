@@ -106,8 +106,8 @@ const fn version_number(version: &str) -> u32 {
 /// FIRMWARE_VERSION_TYPE_OFFICIAL.
 const OFFICIAL: u32 = 255;
 
-/// The type of a pre-release by the word that it begins with: one for development where it is none
-/// of MAVLink's.
+/// The type of a pre-release by the word that it begins with: the type for development where
+/// MAVLink does not know the word.
 const fn pre_release_type(name: &[u8]) -> u32 {
     match name {
         [b'a', b'l', b'p', b'h', b'a', ..] => 64,

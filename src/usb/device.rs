@@ -43,7 +43,7 @@ enum Stage {
     },
     /// All has been handed over; the host ends the transfer by an empty packet.
     Sent,
-    /// The host sends so many bytes more.
+    /// The host has `left` bytes more to send.
     Receiving { what: Received, left: u16 },
     /// The empty packet that ends the transfer has been handed over. With it a new address counts.
     Acknowledging { address: Option<u8> },

@@ -104,10 +104,11 @@ impl Orientation {
     /// The tilt of the body's vertical against the earth's (the reduced attitude), as the shortest
     /// rotation vector between them. The result has its parts about the body's y and x, rad, Q28.
     /// They are within 1.5e-4 up to a right angle, and within 1.5e-4 over the sine beyond. The
-    /// vector's length is the angle between the verticals, 0 to pi. Heading and rotation about the
-    /// body's own vertical do not matter. Without roll the first part is the pitch, without pitch
-    /// the second is the roll. Upside down every direction is equally short, and the result is any
-    /// of them.
+    /// vector's length is the angle between the verticals, 0 to pi.
+    ///
+    /// Heading and rotation about the body's own vertical do not matter. Without roll the first
+    /// part is the pitch, without pitch the second is the roll. Upside down every direction is
+    /// equally short, and the result is any of them.
     pub fn tilt_q28(&self) -> [i32; 2] {
         /// Angle over sine by the cosine, from 0 to 1, as a polynomial, highest power first, Q15:
         /// within 3e-5 (interpolation at Chebyshev's nodes).

@@ -4,10 +4,12 @@
 //! The axes of gyroscope and accelerometer are summed over blocks of about a quarter of a second. A
 //! block whose means are near the reference block's is still; enough still blocks in a row are
 //! rest. The mean of each still block, except the newest, moves the offset: the k-th by 1/k of the
-//! difference. `k` is rounded up to a power of two and bounded by the memory. The first offset
-//! comes from the last blocks that show the rest, up to four, so that a slow motion in one block
-//! has little weight. It counts from the moment of the rest on. In a later rest, the offset does
-//! not learn from those blocks: a body that is laid down comes to rest slowly.
+//! difference. `k` is rounded up to a power of two and bounded by the memory.
+//!
+//! The first offset comes from the last blocks that show the rest, up to four, so that a slow
+//! motion in one block has little weight. It counts from the moment of the rest on. In a later
+//! rest, the offset does not learn from those blocks: a body that is laid down comes to rest
+//! slowly.
 //!
 //! # The work
 //! A block has `2^shift` samples, so its means are shifts. The first samples of the next block

@@ -11,6 +11,7 @@
 //!
 //! The first `gain_log2` gives the slower channel a gain from 1/8 up to 1/4. `subtract` is 0 for
 //! the slower channel; for the faster channel it is the ratio of both own gains, as a power of two.
+//!
 //! At least 64 samples, and at least a block, have the first gain, which turns the estimate from
 //! any attitude to the measured attitude. A mean over `2^6` samples then has the gain `2^-6`. So
 //! `gain_log2` drops by `6 - 2` at once, then by 1 for each doubling of the number of samples,

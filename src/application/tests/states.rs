@@ -3,9 +3,11 @@
 //! The [`Application`] with its driver, flight, telemetry and store is run as the chip runs it, on
 //! a sensor that rests on a body, with a host behind a port. Vehicles that look the same from
 //! outside ([`Key`](vehicle::Key)) count as one state, of which the first that was found stands for
-//! all. Each search goes on with the events of its subject until nothing new is found, and tries
-//! *every* event in every state; each [promise](promises) is judged on every step. The supervisor
-//! alone, whose states are known exactly, is searched in `src/failsafe/tests.rs`.
+//! all.
+//!
+//! Each search goes on with the events of its subject until nothing new is found, and tries *every*
+//! event in every state. Each [promise](promises) is judged on every step. The supervisor alone,
+//! whose states are known exactly, is searched in `src/failsafe/tests.rs`.
 
 mod events;
 mod promises;

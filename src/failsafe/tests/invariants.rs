@@ -20,9 +20,9 @@ fn is_armed_by_order_alone(before: &Seat, event: &Event, reply: &Reply, after: &
             && *reply == Some(Ok(()))
 }
 
-/// What is armed or released has passed each check at that instant: nothing left to acknowledge, a
-/// sensor that delivers, an attitude that has settled and is known, little tilt, and the host where
-/// it is asked for.
+/// What is armed or released has passed each check at that instant. Nothing is left to acknowledge,
+/// the sensor delivers, the attitude has settled and is known, the tilt is small, and the host is
+/// heard where it is asked for.
 fn is_checked(before: &Seat, _: &Event, _: &Reply, after: &Seat) -> bool {
     let enters = before.state().kind() != after.state().kind() && after.state().is_armed();
     let Supervisor {

@@ -30,7 +30,7 @@ const PAD: [i16; 3] = [0, 0, -981];
 const THRUST: [i16; 3] = [500, 0, -2_500];
 const FALL: [i16; 3] = [0; 3];
 
-/// So many steps of a vehicle that stays level and feels this, counts.
+/// `steps` steps of a vehicle that stays level and feels `acc`, counts.
 fn feeling(desk: &mut Desk, acc: [i16; 3], steps: usize) -> Snapshot {
     let run = |desk: &mut Desk| {
         let level = reading(desk.now_us, 0.0, 0.0);

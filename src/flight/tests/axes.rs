@@ -13,7 +13,7 @@ fn desk() -> Desk {
     desk
 }
 
-/// So many steps of a drone that is held, rolled by `roll`, rad.
+/// `steps` steps of a drone that is held, rolled by `roll`, rad.
 fn tilted(desk: &mut Desk, roll: f64, steps: usize) -> Snapshot {
     let run = |desk: &mut Desk| {
         let level = reading(desk.now_us, 0.0, 0.0);

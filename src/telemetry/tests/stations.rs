@@ -11,7 +11,7 @@ fn request(id: u32) -> Vec<u8> {
 }
 
 impl Link {
-    /// The host says something, and gets this back by the end of so many steps.
+    /// What the host hears within `steps` steps of sending `bytes`.
     fn converse(&mut self, bytes: &[u8], steps: usize) -> Vec<MavMessage> {
         let mut heard = self.tell(bytes);
         for _ in 0..steps {

@@ -110,7 +110,7 @@ pub(super) enum Event {
     Order(Ordered),
     Set(&'static str, f32),
     Heartbeat,
-    /// So many steps at rest.
+    /// This number of steps at rest.
     Rest(u32),
     /// At rest until the gyro's offset is known, for six seconds at most, or 0.2 s where nobody
     /// waits for that.
@@ -121,7 +121,7 @@ pub(super) enum Event {
     Shake,
     /// 2 g from tail to nose for 0.2 s.
     Thrust,
-    /// So many steps with a trouble of the sensor.
+    /// This number of steps with a trouble of the sensor.
     Trouble(Trouble, u32),
     /// The sensor forgets its settings.
     SensorReset,

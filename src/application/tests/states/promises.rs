@@ -56,7 +56,7 @@ impl Exchange<'_> {
     }
 }
 
-/// An order has one answer at once, or it is noted and has one later; a vehicle that nobody listens
+/// An order has one answer at once, or it is noted and has one later. A vehicle that nobody listens
 /// to says nothing.
 pub(super) fn is_answered_once(exchange: &Exchange<'_>) -> bool {
     let Some(ordered) = exchange.ordered() else {
@@ -195,8 +195,8 @@ pub(super) fn is_neutral_unless_active(vehicle: &Vehicle) -> bool {
     vehicle.rudder() == Rudder::Neutral || vehicle.state().is_active() || vehicle.is_set_up()
 }
 
-/// Stored parameters are replaced in the turn in which a save is accepted, and in no other; and
-/// those in use by a reload or by the defaults, as they say.
+/// Stored parameters are replaced in the turn in which a save is accepted, and in no other. Those
+/// in use are replaced by a reload or by the defaults, as they say.
 pub(super) fn is_stored_as_told(
     order: Option<Ordered>,
     old: &Params,
@@ -305,8 +305,8 @@ pub(super) fn ends_by_tilt(vehicle: &Vehicle) -> bool {
     !vehicle.state().is_active()
 }
 
-/// Where the host is asked for, its silence ends control within three seconds; a pulse that is
-/// tried ends after two, and a rudder that somebody looks at is neutral without a host.
+/// Where the host is asked for, its silence ends control within three seconds. A pulse that is
+/// tried ends after two. A rudder that somebody looks at is neutral without a host.
 pub(super) fn ends_by_silence(vehicle: &Vehicle) -> bool {
     let mut vehicle = vehicle.clone();
     let steps = |vehicle: &mut Vehicle, us| (0..us / TICK_US).for_each(|_| vehicle.step());
