@@ -21,11 +21,7 @@ fn main() {
     }
     let has = |feature| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    let flash = if has("NO_BOOTLOADER") {
-        IN_ITS_PLACE
-    } else {
-        ABOVE_BOOTLOADER
-    };
+    let flash = if has("NO_BOOTLOADER") { IN_ITS_PLACE } else { ABOVE_BOOTLOADER };
     fs::write(out.join("flash.x"), flash).expect("OUT_DIR can be written");
     let root = env::var("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
     for source in FIRMWARE_SOURCES {

@@ -58,12 +58,8 @@ fn tool_build() -> u32 {
         collect(&path, &mut files);
     }
     files.sort();
-    let bytes = files
-        .iter()
-        .flat_map(|path| fs::read(path).unwrap_or_default());
-    bytes.fold(0x811C_9DC5, |sum, byte| {
-        (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193)
-    })
+    let bytes = files.iter().flat_map(|path| fs::read(path).unwrap_or_default());
+    bytes.fold(0x811C_9DC5, |sum, byte| (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193))
 }
 
 /// The files at or below a path.

@@ -35,10 +35,7 @@ words! {
 
 impl Default for Blow {
     fn default() -> Self {
-        Self {
-            felt_us: 0,
-            left_us: LONGEST_US,
-        }
+        Self { felt_us: 0, left_us: LONGEST_US }
     }
 }
 
@@ -76,10 +73,7 @@ mod tests {
     const TICK_US: u32 = 6_667;
 
     fn raw(x: i16) -> RawSample {
-        RawSample {
-            acc: [x, 0, -981],
-            ..RawSample::default()
-        }
+        RawSample { acc: [x, 0, -981], ..RawSample::default() }
     }
 
     /// How many of the samples the accelerometer is left out in.

@@ -65,10 +65,7 @@ impl Pulse {
 
     /// Of a word.
     pub const fn of(word: u32) -> Self {
-        Self {
-            rise_us: word >> 12,
-            width_us: word & 0xFFF,
-        }
+        Self { rise_us: word >> 12, width_us: word & 0xFFF }
     }
 }
 
@@ -126,14 +123,7 @@ mod tests {
             assert!(is_readable(address), "{address:#010x}");
         }
         // Not aligned; behind a memory; SERCOM4's DATA, which reading empties; nothing there.
-        for address in [
-            1,
-            0x4_0000,
-            0x2000_8000,
-            0x4200_1828,
-            0x0080_6028,
-            0xFFFF_FFFC,
-        ] {
+        for address in [1, 0x4_0000, 0x2000_8000, 0x4200_1828, 0x0080_6028, 0xFFFF_FFFC] {
             assert!(!is_readable(address), "{address:#010x}");
         }
     }
@@ -148,10 +138,7 @@ mod tests {
 
     #[test]
     fn a_pulse_fits_into_a_word() {
-        let pulse = Pulse {
-            rise_us: 0xF_FFFF,
-            width_us: 2_476,
-        };
+        let pulse = Pulse { rise_us: 0xF_FFFF, width_us: 2_476 };
         assert_eq!(Pulse::of(pulse.word()), pulse);
     }
 }

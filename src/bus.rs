@@ -66,10 +66,7 @@ pub enum Signal {
 }
 
 /// The registers of an I2C master. What waits in these calls does so for a bounded time.
-#[allow(
-    clippy::missing_errors_doc,
-    reason = "all for the one reason of its type"
-)]
+#[allow(clippy::missing_errors_doc, reason = "all for the one reason of its type")]
 pub trait Wire {
     /// Wait for the STOP before to have gone out: a START on top of it would be a repeated start.
     fn wait_idle(&mut self) -> Result<(), NotSynchronised>;
@@ -161,16 +158,12 @@ struct Outline {
 impl Outline {
     fn of(transfer: &Transfer) -> Self {
         match transfer {
-            Transfer::Read { register, len } => Self {
-                register: *register,
-                is_read: true,
-                len: (*len).min(READ_MAX as u8),
-            },
-            Transfer::Write { register, bytes } => Self {
-                register: *register,
-                is_read: false,
-                len: bytes.len() as u8,
-            },
+            Transfer::Read { register, len } => {
+                Self { register: *register, is_read: true, len: (*len).min(READ_MAX as u8) }
+            }
+            Transfer::Write { register, bytes } => {
+                Self { register: *register, is_read: false, len: bytes.len() as u8 }
+            }
         }
     }
 
@@ -266,10 +259,7 @@ impl<W: Wire> Master<W> {
     fn start(&mut self, outline: Outline, origin: Origin, started: Micros) -> bool {
         let wire = &mut self.wire;
         let begun = !self.broken
-            && wire
-                .wait_idle()
-                .and_then(|()| wire.write_address(self.address))
-                .is_ok();
+            && wire.wait_idle().and_then(|()| wire.write_address(self.address)).is_ok();
         let step = if begun {
             wire.listen(true);
             Step::Address
@@ -277,13 +267,7 @@ impl<W: Wire> Master<W> {
             self.broken = true;
             Step::Done(Err(BusError::Stuck))
         };
-        self.active = Some(Active {
-            outline,
-            origin,
-            started,
-            ended: started,
-            step,
-        });
+        self.active = Some(Active { outline, origin, started, ended: started, step });
         !begun
     }
 
@@ -336,17 +320,11 @@ impl<W: Wire> Master<W> {
                 self.broken |= self.wire.command(Command::Stop).is_err();
                 Step::Done(Err(BusError::Nak))
             }
-            _ => proceed(
-                active,
-                &mut self.wire,
-                self.address,
-                signal,
-                &mut self.payload,
-            )
-            .unwrap_or_else(|NotSynchronised| {
-                self.broken = true;
-                Step::Done(Err(BusError::Protocol))
-            }),
+            _ => proceed(active, &mut self.wire, self.address, signal, &mut self.payload)
+                .unwrap_or_else(|NotSynchronised| {
+                    self.broken = true;
+                    Step::Done(Err(BusError::Protocol))
+                }),
         };
         let is_over = matches!(active.step, Step::Done(_));
         if is_over {
@@ -375,9 +353,7 @@ impl<W: Wire> Master<W> {
 
     /// The transfer that is over, once. What it has read goes to `answer`.
     pub fn collect(&mut self, answer: &mut Answer) -> Option<Completion> {
-        let active = self
-            .active
-            .take_if(|active| matches!(active.step, Step::Done(_)))?;
+        let active = self.active.take_if(|active| matches!(active.step, Step::Done(_)))?;
         let Step::Done(result) = active.step else {
             return None;
         };
@@ -388,10 +364,7 @@ impl<W: Wire> Master<W> {
         Some(Completion {
             origin: active.origin,
             took_us: active.ended.since(active.started) as u32,
-            outcome: Outcome {
-                started: active.started,
-                result,
-            },
+            outcome: Outcome { started: active.started, result },
         })
     }
 

@@ -30,11 +30,7 @@ impl Channel {
     #[inline(never)]
     pub(crate) fn new(params: &Params, axis: Axis) -> Self {
         let servo = Servo::new(params, axis);
-        Self {
-            axis,
-            controller: Controller::new(params, axis, servo.travel_rad()),
-            servo,
-        }
+        Self { axis, controller: Controller::new(params, axis, servo.travel_rad()), servo }
     }
 
     /// Take over changed parameters. The last pulse stays, so that the next one still obeys the
@@ -42,8 +38,7 @@ impl Channel {
     pub(crate) fn configure(&mut self, state: &mut ChannelState, params: &Params) {
         self.servo = Servo::new(params, self.axis);
         let travel_rad = self.servo.travel_rad();
-        self.controller
-            .configure(&mut state.law, params, self.axis, travel_rad);
+        self.controller.configure(&mut state.law, params, self.axis, travel_rad);
     }
 
     /// The control law moves the rudder, `dt_us` after the last time. `gains` are those of a

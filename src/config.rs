@@ -135,10 +135,9 @@ mod tests {
 
     #[test]
     fn cosines_are_those_of_the_limits_in_degrees() {
-        for (limit_deg, cos) in [
-            (ARM_TILT_DEG, COS_ARM_TILT_Q30),
-            (FAILSAFE_TILT_DEG, COS_FAILSAFE_TILT_Q30),
-        ] {
+        for (limit_deg, cos) in
+            [(ARM_TILT_DEG, COS_ARM_TILT_Q30), (FAILSAFE_TILT_DEG, COS_FAILSAFE_TILT_Q30)]
+        {
             let expected = f64::from(limit_deg).to_radians().cos();
             let found = f64::from(cos) / f64::from(1 << 30);
             assert!((found - expected).abs() < 1e-9, "{limit_deg} deg: {found}");

@@ -220,10 +220,7 @@ impl Controller {
         self.setpoint = (params.setpoint_deg(axis) * (PI / 180.0)).into();
         self.travel = travel_rad.into();
         self.ticks_per_us = TicksPerUs::new(params);
-        self.shown = Pd {
-            kp: params.pid_kp().into(),
-            kd: params.pid_kd().into(),
-        };
+        self.shown = Pd { kp: params.pid_kp().into(), kd: params.pid_kd().into() };
         self.law.configure(state, params, travel_rad);
     }
 
@@ -289,19 +286,12 @@ fn period_s(params: &Params) -> f32 {
 }
 
 fn pid(params: &Params, travel_rad: f32) -> Config {
-    Config {
-        limit: -travel_rad..=travel_rad,
-        ..pid_with(params, constant_gains(params))
-    }
+    Config { limit: -travel_rad..=travel_rad, ..pid_with(params, constant_gains(params)) }
 }
 
 /// A PID controller with these gains, and no limits of its own.
 fn pid_with(params: &Params, gains: Gains) -> Config {
-    Config {
-        gains,
-        derivative: Derivative::Rate,
-        ..Config::new(period_s(params))
-    }
+    Config { gains, derivative: Derivative::Rate, ..Config::new(period_s(params)) }
 }
 
 fn cascade(params: &Params, travel_rad: f32) -> CascadeConfig {
@@ -319,11 +309,7 @@ fn cascade(params: &Params, travel_rad: f32) -> CascadeConfig {
 /// gain is such that an angle's error counts as in a single loop.
 fn rate_loop(params: &Params, gains: Gains) -> Config {
     Config {
-        gains: Gains {
-            kp: gains.kd,
-            ki: gains.ki / params.cas_angle(),
-            kd: 0.0,
-        },
+        gains: Gains { kp: gains.kd, ki: gains.ki / params.cas_angle(), kd: 0.0 },
         anti_windup: AntiWindup::Conditional,
         ..Config::new(period_s(params))
     }
@@ -331,11 +317,7 @@ fn rate_loop(params: &Params, gains: Gains) -> Config {
 
 /// The gains where there is no schedule.
 fn constant_gains(params: &Params) -> Gains {
-    Gains {
-        kp: params.pid_kp(),
-        ki: params.pid_ki(),
-        kd: params.pid_kd(),
-    }
+    Gains { kp: params.pid_kp(), ki: params.pid_ki(), kd: params.pid_kd() }
 }
 
 /// The configuration, without limits, to which gains of the schedule belong in the law that the
@@ -408,14 +390,11 @@ mod tests {
         /// What it puts out, rad.
         fn updated(&mut self, pitch_rad: f32, rate_rad_s: f32) -> f32 {
             let sample = sample(pitch_rad, rate_rad_s);
-            self.controller
-                .update(&mut self.state, &sample, None)
-                .into()
+            self.controller.update(&mut self.state, &sample, None).into()
         }
 
         fn configure(&mut self, params: &Params) {
-            self.controller
-                .configure(&mut self.state, params, Axis::Pitch, 1.0);
+            self.controller.configure(&mut self.state, params, Axis::Pitch, 1.0);
         }
 
         fn reset(&mut self) {
@@ -461,10 +440,7 @@ mod tests {
             for us in [0, 1_000, 6_667, 10_000, 400_000, u32::MAX] {
                 let ticks = f32::from(TicksPerUs::new(&params).times(us));
                 let expected = us.min(400_000) as f32 / period_us;
-                assert!(
-                    (ticks - expected).abs() < 2e-4 * (1.0 + expected),
-                    "{us}: {ticks}"
-                );
+                assert!((ticks - expected).abs() < 2e-4 * (1.0 + expected), "{us}: {ticks}");
             }
         }
     }

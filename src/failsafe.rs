@@ -128,9 +128,7 @@ impl Supervisor {
         let since = Words::told(next);
         let told = StateCode::try_from(code).ok().and_then(State::resumed);
         self.state = match told.unwrap_or(self.state) {
-            State::Active { .. } => State::Active {
-                over_tilt_since: since,
-            },
+            State::Active { .. } => State::Active { over_tilt_since: since },
             state => state,
         };
         (self.fresh, self.fault, self.health) = (Some(sampled), None, health);
@@ -237,10 +235,7 @@ impl Supervisor {
     /// until it has settled and the gyro's offset is known. Only the tilt stays as it was last
     /// seen.
     pub fn attitude_lost(&mut self) {
-        self.health = Health {
-            cos_tilt_q30: self.health.cos_tilt_q30,
-            ..Health::UNKNOWN
-        };
+        self.health = Health { cos_tilt_q30: self.health.cos_tilt_q30, ..Health::UNKNOWN };
     }
 
     /// Obey the operator, or say why not.
@@ -283,9 +278,7 @@ impl Supervisor {
             }
             (Command::Release, State::Armed) => {
                 self.ready(now)?;
-                State::Active {
-                    over_tilt_since: None,
-                }
+                State::Active { over_tilt_since: None }
             }
             (Command::Disarm, State::Armed | State::Active { .. }) => State::Standby,
             (Command::Disarm, State::Failsafe(reason)) => {
@@ -349,8 +342,7 @@ impl Supervisor {
 
     /// Whether the host has been heard in the last three seconds.
     pub fn host_is_heard(&self, now: Micros) -> bool {
-        self.host_seen
-            .is_some_and(|seen| now.since(seen) <= HOST_SILENCE_US)
+        self.host_seen.is_some_and(|seen| now.since(seen) <= HOST_SILENCE_US)
     }
 
     fn host_is_silent(&self, now: Micros) -> bool {
@@ -390,10 +382,7 @@ impl Supervisor {
 
     /// Go to failsafe from where a fault matters. The first reason stays.
     fn fail(&mut self, reason: Reason) {
-        if matches!(
-            self.state,
-            State::Standby | State::Armed | State::Active { .. }
-        ) {
+        if matches!(self.state, State::Standby | State::Armed | State::Active { .. }) {
             self.state = State::Failsafe(reason);
         }
     }

@@ -108,10 +108,7 @@ impl Settings {
             navigation,
             free_flight: FreeFlight::new(params),
             ticks: Ticks::new(&timing),
-            channels: [
-                Channel::new(params, Axis::Pitch),
-                Channel::new(params, Axis::Roll),
-            ],
+            channels: [Channel::new(params, Axis::Pitch), Channel::new(params, Axis::Roll)],
             steered: params.axes().len(),
             roll_is_due: false,
             timing,
@@ -208,28 +205,20 @@ impl Flight {
         };
         let estimated = reading.and_then(|sample| {
             let dt_us =
-                self.settings
-                    .navigation
-                    .update(&mut self.state.navigation, &sample, is_free)?;
+                self.settings.navigation.update(&mut self.state.navigation, &sample, is_free)?;
             Ok((sample.raw, dt_us))
         });
         match estimated {
             Ok((sample, dt_us)) => {
                 let health = self.health();
                 if self.state.supervisor.is_testing() {
-                    self.state
-                        .supervisor
-                        .test(&self.state.navigation.in_body(&sample));
+                    self.state.supervisor.test(&self.state.navigation.in_body(&sample));
                 }
                 self.state.supervisor.sample(now, sample.time, health);
                 if self.settings.free_flight.is_needed() {
                     self.follow_launch(now, sample.time);
                 }
-                Some(Estimate {
-                    sample,
-                    dt_us,
-                    valid: health.valid,
-                })
+                Some(Estimate { sample, dt_us, valid: health.valid })
             }
             Err(fault) => {
                 self.state.supervisor.miss(now, fault);
@@ -269,11 +258,7 @@ impl Flight {
     /// [`ParamError`]; the old value stays.
     pub fn set_param(&mut self, name: &str, value: f32) -> Result<&'static Info, ParamError> {
         let index = Params::index_of(name).ok_or(ParamError::Unknown)?;
-        let (info, before) = self
-            .settings
-            .params
-            .by_index(index)
-            .ok_or(ParamError::Unknown)?;
+        let (info, before) = self.settings.params.by_index(index).ok_or(ParamError::Unknown)?;
         if info.change != Change::Live && self.state().is_armed() {
             return Err(ParamError::Armed { name: info.name });
         }
@@ -324,9 +309,8 @@ impl Flight {
 
     fn learn_stretch(&mut self, board: &BoardStatus) -> bool {
         let timing = &self.settings.timing;
-        let stretch_us = timing
-            .stretch_of(board.bursts.planned_us(board.stop_us))
-            .min(STRETCH_MAX_US);
+        let stretch_us =
+            timing.stretch_of(board.bursts.planned_us(board.stop_us)).min(STRETCH_MAX_US);
         // Where bytes vary, the longest that were seen count.
         let longer = stretch_us > timing.stretch_us + STRETCH_LONGER_US;
         let shorter = stretch_us + STRETCH_SHORTER_US < timing.stretch_us;
@@ -350,11 +334,7 @@ impl Flight {
     /// The neutral pulses of the parameters in use; [`PulseUs::NONE`] for an axis that is not
     /// steered.
     pub fn neutral(&self) -> [PulseUs; Axis::COUNT] {
-        self.of_steered(
-            &self.settings.channels,
-            PulseUs::NONE,
-            Channel::neutral_pulse,
-        )
+        self.of_steered(&self.settings.channels, PulseUs::NONE, Channel::neutral_pulse)
     }
 
     /// The self-test is passed, the attitude has settled, and the gyro's offset is known.
@@ -410,16 +390,11 @@ impl Flight {
     /// has them, but for the tilt of a vehicle whose attitude follows its gyroscope alone.
     pub fn attitude_sd_deg(&self) -> [f32; 2] {
         const DEG: f32 = 180.0 / core::f32::consts::PI;
-        let [tilt, heading] = self
-            .settings
-            .navigation
-            .attitude_sd(&self.state.navigation)
-            .map(|rad| rad * DEG);
+        let [tilt, heading] =
+            self.settings.navigation.attitude_sd(&self.state.navigation).map(|rad| rad * DEG);
         let tilt = if self.is_free() {
             let Self { settings, state } = self;
-            settings
-                .free_flight
-                .tilt_sd_deg(&state.free_flight, &settings.params)
+            settings.free_flight.tilt_sd_deg(&state.free_flight, &settings.params)
         } else {
             tilt
         };
@@ -493,11 +468,7 @@ impl Flight {
         figure: impl Fn(&C) -> T,
     ) -> [T; Axis::COUNT] {
         let [pitch, roll] = channels;
-        let roll = if self.settings.steered == 1 {
-            other
-        } else {
-            figure(roll)
-        };
+        let roll = if self.settings.steered == 1 { other } else { figure(roll) };
         [figure(pitch), roll]
     }
 
@@ -538,21 +509,14 @@ impl Flight {
     fn configure(&mut self, change: Change) {
         // Nothing that may change in flight concerns navigation, whose sines would cost a sample.
         if change != Change::Live
-            && self
-                .settings
-                .navigation
-                .configure(&mut self.state.navigation, &self.settings.params)
+            && self.settings.navigation.configure(&mut self.state.navigation, &self.settings.params)
         {
             self.state.supervisor.attitude_lost();
         }
         if self.settings.params.polarity(self.state.test_pulse.axis) == Polarity::Watched {
             self.state.test_pulse = TestPulse::NONE;
         }
-        let Settings {
-            free_flight,
-            params,
-            ..
-        } = &mut self.settings;
+        let Settings { free_flight, params, .. } = &mut self.settings;
         free_flight.configure(params);
         self.settings.timing = self.settings.params.timing();
         self.settings.ticks = Ticks::new(&self.settings.timing);
@@ -563,9 +527,7 @@ impl Flight {
         if change != Change::Live {
             self.configure_channel(Axis::Roll);
         }
-        self.state
-            .supervisor
-            .require_host(self.settings.params.fs_host() == 1.0);
+        self.state.supervisor.require_host(self.settings.params.fs_host() == 1.0);
     }
 
     fn health(&self) -> Health {
@@ -574,10 +536,7 @@ impl Flight {
             valid: orientation.is_rotation(),
             settled: self.settings.navigation.has_settled(&self.state.navigation),
             bias: self.settings.navigation.bias_state(&self.state.navigation),
-            certain: self
-                .settings
-                .navigation
-                .tilt_is_certain(&self.state.navigation),
+            certain: self.settings.navigation.tilt_is_certain(&self.state.navigation),
             cos_tilt_q30: orientation.cos_tilt_q30(),
         }
     }

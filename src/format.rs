@@ -91,18 +91,7 @@ mod tests {
 
     #[test]
     fn whole_and_hexadecimal_numbers_are_as_the_standard_library_shows_them() {
-        for number in [
-            0,
-            7,
-            9,
-            10,
-            99,
-            100,
-            4_096,
-            999_999_999,
-            1_000_000_000,
-            u32::MAX,
-        ] {
+        for number in [0, 7, 9, 10, 99, 100, 4_096, 999_999_999, 1_000_000_000, u32::MAX] {
             assert_eq!(Whole(number).to_string(), std::format!("{number}"));
             assert_eq!(Hex(number).to_string(), std::format!("{number:#x}"));
         }

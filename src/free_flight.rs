@@ -27,10 +27,7 @@ impl FreeFlight {
     // Not inlined: who calls it needs the stack for more.
     #[inline(never)]
     pub(crate) fn new(params: &Params) -> Self {
-        Self {
-            launch: launch::Settings::new(params),
-            gains: GainSchedule::new(params),
-        }
+        Self { launch: launch::Settings::new(params), gains: GainSchedule::new(params) }
     }
 
     /// Take over changed parameters. Impossible rows of the schedule leave the old rows in force.

@@ -54,10 +54,8 @@ impl Guard {
 
     /// Nothing changes until the next call of `open_state` or `open_settings`.
     pub fn close(&mut self, flight: &Flight, sum: &impl Sum) {
-        self.state
-            .get_or_insert_with(|| sum.sum(flight.state_in_memory()));
-        self.settings
-            .get_or_insert_with(|| sum.sum(flight.settings_in_memory()));
+        self.state.get_or_insert_with(|| sum.sum(flight.state_in_memory()));
+        self.settings.get_or_insert_with(|| sum.sum(flight.settings_in_memory()));
     }
 }
 

@@ -23,9 +23,8 @@ mod tests {
 
     /// Milliseconds lit and changes in the pattern's 1,048 ms.
     fn pattern(state: StateKind) -> (usize, usize) {
-        let lit: std::vec::Vec<_> = (0..1_048)
-            .map(|ms| is_lit(state, Micros(ms * 1_000)))
-            .collect();
+        let lit: std::vec::Vec<_> =
+            (0..1_048).map(|ms| is_lit(state, Micros(ms * 1_000))).collect();
         let changes = lit.windows(2).filter(|pair| pair[0] != pair[1]).count();
         (lit.iter().filter(|lit| **lit).count(), changes)
     }

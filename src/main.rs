@@ -97,10 +97,7 @@ mod firmware {
 
     #[inline(never)]
     fn telemetry(place: &mut MaybeUninit<Telemetry>, system: u8) -> &mut Telemetry {
-        place.write(Telemetry::new(Identity {
-            system,
-            serial: serial_number(),
-        }))
+        place.write(Telemetry::new(Identity { system, serial: serial_number() }))
     }
 }
 

@@ -29,15 +29,12 @@ pub struct Calibration {
 
 impl Calibration {
     /// A sensor that reads what it should.
-    pub const NOMINAL: Self = Self {
-        offset: [0.0; 3],
-        matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-    };
+    pub const NOMINAL: Self =
+        Self { offset: [0.0; 3], matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] };
 
     fn to_matrix(self) -> Matrix {
-        let [[a, b, c], [d, e, f], [g, h, i]] = self
-            .matrix
-            .map(|row| row.map(|factor| nearest(factor * f32::from(ONE))));
+        let [[a, b, c], [d, e, f], [g, h, i]] =
+            self.matrix.map(|row| row.map(|factor| nearest(factor * f32::from(ONE))));
         Matrix([[a, d, g], [b, e, h], [c, f, i]])
     }
 }
@@ -89,11 +86,7 @@ impl Correction {
         let quarters = calibration.offset.map(|counts| nearest(counts * -4.0));
         let shift = matrix.add(&quarters, HALF.map(|half| half << 2));
         let shift = shift.map(|shift| shift >> 2);
-        Self {
-            is_nominal: matrix == Matrix::IDENTITY && shift == HALF,
-            matrix,
-            shift,
-        }
+        Self { is_nominal: matrix == Matrix::IDENTITY && shift == HALF, matrix, shift }
     }
 
     fn apply(&self, counts: &[i16; 3]) -> [i16; 3] {
@@ -149,10 +142,8 @@ fn calibrations(params: &Params) -> [Calibration; 3] {
         offset: counts(params.cal_acc_offset(), ACC_COUNTS),
         matrix: [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]],
     };
-    let gyr = Calibration {
-        offset: counts(params.cal_gyr_offset(), GYR_COUNTS),
-        ..Calibration::NOMINAL
-    };
+    let gyr =
+        Calibration { offset: counts(params.cal_gyr_offset(), GYR_COUNTS), ..Calibration::NOMINAL };
     let mag = Calibration {
         offset: counts(params.cal_mag_offset(), MAG_COUNTS),
         matrix: params.cal_mag_matrix(),
@@ -167,16 +158,12 @@ fn nearest(value: f32) -> i16 {
 
 /// `R = Rz(yaw) Ry(pitch) Rx(roll)`, sensor to body, as autopilots define a sensor's orientation.
 fn rotation(params: &Params) -> Matrix {
-    let [(sr, cr), (sp, cp), (sy, cy)] = [
-        params.mnt_roll_deg(),
-        params.mnt_pitch_deg(),
-        params.mnt_yaw_deg(),
-    ]
-    .map(|angle_deg| {
-        let (sin, cos) = Angles::sin_cos_q30(Angles::from_rad(angle_deg * (PI / 180.0)));
-        let rounded = |value: i32| ((value + (1 << 15)) >> 16) as i16;
-        (rounded(sin), rounded(cos))
-    });
+    let [(sr, cr), (sp, cp), (sy, cy)] =
+        [params.mnt_roll_deg(), params.mnt_pitch_deg(), params.mnt_yaw_deg()].map(|angle_deg| {
+            let (sin, cos) = Angles::sin_cos_q30(Angles::from_rad(angle_deg * (PI / 180.0)));
+            let rounded = |value: i32| ((value + (1 << 15)) >> 16) as i16;
+            (rounded(sin), rounded(cos))
+        });
     let about_x = Matrix([[ONE, 0, 0], [0, cr, sr], [0, -sr, cr]]);
     let about_y = Matrix([[cp, 0, -sp], [0, ONE, 0], [sp, 0, cp]]);
     let about_z = Matrix([[cy, sy, 0], [-sy, cy, 0], [0, 0, ONE]]);
@@ -190,12 +177,7 @@ mod tests {
     use tvc_imu::Micros;
 
     fn raw(acc: [i16; 3], gyr: [i16; 3], mag: [i16; 3]) -> RawSample {
-        RawSample {
-            time: Micros(0),
-            acc,
-            gyr,
-            mag,
-        }
+        RawSample { time: Micros(0), acc, gyr, mag }
     }
 
     fn mount(roll: f32, pitch: f32, yaw: f32) -> Mount {
@@ -210,10 +192,7 @@ mod tests {
     fn a_nominal_sensor_along_the_axes_is_taken_as_it_is() {
         let sample = raw([0, i16::MIN, -981], [16, -160, i16::MAX], [800, 0, 16]);
         let body = mount(0.0, 0.0, 0.0).convert(&sample);
-        assert_eq!(
-            (body.acc, body.gyr, body.mag),
-            (sample.acc, sample.gyr, Some(sample.mag))
-        );
+        assert_eq!((body.acc, body.gyr, body.mag), (sample.acc, sample.gyr, Some(sample.mag)));
     }
 
     fn assert_acc(mount: &Mount, acc: [i16; 3], expected: [i16; 3]) {
@@ -241,18 +220,11 @@ mod tests {
     fn a_mount_is_what_an_independent_library_makes_of_its_angles() {
         let oracle = nalgebra::Rotation3::from_euler_angles(0.3_f64, -0.7, 2.1);
         let expected = oracle * nalgebra::Vector3::new(3000.0, -5000.0, 8000.0);
-        let mount = mount(
-            0.3_f32.to_degrees(),
-            -0.7_f32.to_degrees(),
-            2.1_f32.to_degrees(),
-        );
+        let mount = mount(0.3_f32.to_degrees(), -0.7_f32.to_degrees(), 2.1_f32.to_degrees());
         let found = mount.convert(&raw([0; 3], [3000, -5000, 8000], [0; 3])).gyr;
         for (found, expected) in found.iter().zip(expected.iter()) {
             // Half a count of rounding, and a bit of each factor.
-            assert!(
-                (f64::from(*found) - expected).abs() < 1.5,
-                "{found} {expected}"
-            );
+            assert!((f64::from(*found) - expected).abs() < 1.5, "{found} {expected}");
         }
     }
 

@@ -115,11 +115,7 @@ impl State {
     /// The newest sample with calibration and mount applied, at the time of `raw` and with its
     /// field.
     pub fn in_body(&self, raw: &RawSample) -> RawSample {
-        RawSample {
-            acc: self.counts.acc,
-            gyr: self.counts.gyr,
-            ..*raw
-        }
+        RawSample { acc: self.counts.acc, gyr: self.counts.gyr, ..*raw }
     }
 
     /// The acceleration from tail to nose that the newest sample has, counts of 0.01 m/s2: gravity
@@ -146,10 +142,7 @@ impl Navigation {
     #[inline(never)]
     pub fn new(params: &Params) -> Result<Self, ConfigError> {
         let settings = Settings::of(params);
-        Ok(Self {
-            estimator: settings.estimator()?,
-            settings,
-        })
+        Ok(Self { estimator: settings.estimator()?, settings })
     }
 
     /// The state before the first sample.
@@ -158,11 +151,7 @@ impl Navigation {
         State {
             kept: self.start(FIELD_LOST_US),
             last: None,
-            counts: Counts {
-                gyr: [0; 3],
-                acc: [0; 3],
-                mag: None,
-            },
+            counts: Counts { gyr: [0; 3], acc: [0; 3], mag: None },
             refresh_us: ESTIMATOR_PERIOD_US,
             rate_age_us: None,
         }
@@ -227,10 +216,7 @@ impl Navigation {
         };
         state.kept.blow.feel(raw, dt_us);
         state.last = Some(raw.time);
-        state.counts = Counts {
-            mag: field,
-            ..counts
-        };
+        state.counts = Counts { mag: field, ..counts };
         state.rate_age_us = sample.rates.map(|rates| rates.age_us);
         state.refresh_us = sample.refresh_us;
         if sample.rates.is_some() || state.kept.unintegrated_us != 0 {
@@ -255,8 +241,7 @@ impl Navigation {
 
     /// The newest attitude.
     pub fn attitude(&self, state: &State) -> Attitude {
-        self.estimator
-            .attitude(&state.kept.estimate, &state.counts.gyr)
+        self.estimator.attitude(&state.kept.estimate, &state.counts.gyr)
     }
 
     /// Goes on behind the sample `raw` from the words that another one [told](State::tell).
@@ -268,17 +253,10 @@ impl Navigation {
             && kept.field_age_us <= FIELD_LOST_US
             && u64::from(kept.unintegrated_us) <= ESTIMATOR_GAP_US
             && kept.blow.is_possible();
-        state.kept = if is_possible {
-            kept
-        } else {
-            self.start(FIELD_LOST_US)
-        };
+        state.kept = if is_possible { kept } else { self.start(FIELD_LOST_US) };
         state.last = Some(raw.time);
         let counts = self.settings.mount.convert(raw);
-        state.counts = Counts {
-            mag: counts.mag.filter(|_| field_is_due),
-            ..counts
-        };
+        state.counts = Counts { mag: counts.mag.filter(|_| field_is_due), ..counts };
     }
 
     /// Pitch, rad, -pi/2 to pi/2, nose up positive.
@@ -307,10 +285,8 @@ impl Navigation {
         let rate = |counts: i16, bias_q9: i32| {
             Q16::from_bits((i32::from(counts) << 9) - bias_q9).times(SCALE)
         };
-        let ([x, y, z], [bias_x, bias_y, bias_z]) = (
-            state.counts.gyr,
-            self.estimator.bias_q9(&state.kept.estimate),
-        );
+        let ([x, y, z], [bias_x, bias_y, bias_z]) =
+            (state.counts.gyr, self.estimator.bias_q9(&state.kept.estimate));
         [rate(x, bias_x), rate(y, bias_y), rate(z, bias_z)]
     }
 
@@ -326,28 +302,20 @@ impl Navigation {
 
     /// Standard deviations of tilt and heading, rad.
     pub fn attitude_sd(&self, state: &State) -> [f32; 2] {
-        let Quality {
-            tilt_rad,
-            heading_rad,
-            ..
-        } = self.estimator.quality(&state.kept.estimate);
+        let Quality { tilt_rad, heading_rad, .. } = self.estimator.quality(&state.kept.estimate);
         [tilt_rad, heading_rad]
     }
 
     /// Whether the tilt is known to [`ARM_TILT_SD_DEG`].
     pub fn tilt_is_certain(&self, state: &State) -> bool {
         const LIMIT: f32 = ARM_TILT_SD_DEG * (PI / 180.0);
-        self.estimator
-            .tilt_is_within(&state.kept.estimate, (LIMIT * LIMIT * 268_435_456.0) as i32)
+        self.estimator.tilt_is_within(&state.kept.estimate, (LIMIT * LIMIT * 268_435_456.0) as i32)
     }
 
     /// What is known of the gyroscope's offset. It is [`BiasState::Known`] once the attitude has
     /// been levelled with it, too, which takes a rest of some three and a half seconds.
     pub fn bias_state(&self, state: &State) -> BiasState {
-        match (
-            state.kept.bias,
-            self.estimator.bias_state(&state.kept.estimate),
-        ) {
+        match (state.kept.bias, self.estimator.bias_state(&state.kept.estimate)) {
             (Bias::Known, _) => BiasState::Known,
             (_, BiasState::Refused) => BiasState::Refused,
             _ => BiasState::Unknown,
@@ -376,28 +344,19 @@ impl Navigation {
         if dt_us <= LONGEST_STEP_US && due_us <= 2 * period_us && period_us <= LONGEST_STEP_US {
             let step_us = due_us.min(period_us);
             state.kept.unintegrated_us = due_us - step_us;
-            return self
-                .estimator
-                .update(&mut state.kept.estimate, step_us, counts);
+            return self.estimator.update(&mut state.kept.estimate, step_us, counts);
         }
         if elapsed_us <= LONGEST_STEP_US || u64::from(dt_us) > DATA_AGE_LIMIT_US {
-            return self
-                .estimator
-                .update(&mut state.kept.estimate, elapsed_us, counts);
+            return self.estimator.update(&mut state.kept.estimate, elapsed_us, counts);
         }
         let steps = elapsed_us.div_ceil(LONGEST_STEP_US);
         let step_us = elapsed_us / steps;
-        let unseen = Counts {
-            mag: None,
-            ..*counts
-        };
+        let unseen = Counts { mag: None, ..*counts };
         for _ in 1..steps {
-            self.estimator
-                .update(&mut state.kept.estimate, step_us, &unseen);
+            self.estimator.update(&mut state.kept.estimate, step_us, &unseen);
         }
         let last_us = elapsed_us - step_us * (steps - 1);
-        self.estimator
-            .update(&mut state.kept.estimate, last_us, counts);
+        self.estimator.update(&mut state.kept.estimate, last_us, counts);
     }
 
     /// The estimator's step in free flight, for rates that are new after so long, us: in parts that
@@ -407,8 +366,7 @@ impl Navigation {
         let mut due_us = elapsed_us + mem::take(&mut state.kept.unintegrated_us);
         while due_us > 0 {
             let step_us = due_us.min(ESTIMATOR_PERIOD_US);
-            self.estimator
-                .coast(&mut state.kept.estimate, step_us, &state.counts.gyr);
+            self.estimator.coast(&mut state.kept.estimate, step_us, &state.counts.gyr);
             due_us -= step_us;
         }
     }
@@ -433,11 +391,7 @@ impl Navigation {
 
     /// Whether a rate is further from the offset than [`LEVEL_RATE`].
     fn is_turning(&self, state: &State) -> bool {
-        let rates = state
-            .counts
-            .gyr
-            .into_iter()
-            .zip(self.estimator.bias_q9(&state.kept.estimate));
+        let rates = state.counts.gyr.into_iter().zip(self.estimator.bias_q9(&state.kept.estimate));
         rates
             .into_iter()
             .any(|(rate, bias_q9)| (i32::from(rate) - (bias_q9 >> 9)).abs() > LEVEL_RATE)

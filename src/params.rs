@@ -229,9 +229,7 @@ impl Params {
         // By their bits: one comparison of words each, where floats take a call.
         let value = self.fuse_filter().to_bits();
         let mut kinds = FilterKind::ALL.iter().map(|(kind, _)| *kind);
-        kinds
-            .find(|kind| kind.value().to_bits() == value)
-            .unwrap_or(FilterKind::Vqf)
+        kinds.find(|kind| kind.value().to_bits() == value).unwrap_or(FilterKind::Vqf)
     }
 
     /// Index of `I2C_STRETCH_US`.
@@ -256,9 +254,7 @@ impl Params {
     /// A number that changes with any value.
     pub(crate) fn digest(&self) -> i32 {
         let values = self.values.iter();
-        values.fold(0, |sum: i32, value| {
-            sum.rotate_left(1) ^ value.to_bits() as i32
-        })
+        values.fold(0, |sum: i32, value| sum.rotate_left(1) ^ value.to_bits() as i32)
     }
 
     /// Number of parameters.
@@ -348,9 +344,7 @@ impl Params {
         value: f32,
     ) -> Result<&'static Info, ParamError> {
         let mut rows = TABLE.iter().zip(&mut self.values);
-        let (info, slot) = rows
-            .find(|(info, _)| wanted(info))
-            .ok_or(ParamError::Unknown)?;
+        let (info, slot) = rows.find(|(info, _)| wanted(info)).ok_or(ParamError::Unknown)?;
         if !info.range.contains(value) {
             const LAW: &str = "PID_LAW";
             return Err(if info.name == LAW && value == 1.0 {
@@ -379,10 +373,7 @@ mod tests {
             assert!(info.range.contains(info.default));
             assert!(!DESCRIPTIONS[index].meaning.is_empty());
         }
-        assert_eq!(
-            params.by_index(TABLE.len()).map(|(info, _)| info.name),
-            None
-        );
+        assert_eq!(params.by_index(TABLE.len()).map(|(info, _)| info.name), None);
     }
 
     #[test]
@@ -404,19 +395,13 @@ mod tests {
             assert!(params.set("SRV_RATE_HZ", rate).is_ok());
         }
         let refused = params.set("SRV_RATE_HZ", 150.0).unwrap_err();
-        assert_eq!(
-            refused.to_string(),
-            "SRV_RATE_HZ must be 50, 100, 200, 300, 333"
-        );
+        assert_eq!(refused.to_string(), "SRV_RATE_HZ must be 50, 100, 200, 300, 333");
         assert_eq!(params.srv_rate_hz(), 333.0);
     }
 
     #[test]
     fn an_unknown_name_is_an_error() {
-        assert_eq!(
-            Params::default().set("PID_KQ", 1.0).err(),
-            Some(ParamError::Unknown)
-        );
+        assert_eq!(Params::default().set("PID_KQ", 1.0).err(), Some(ParamError::Unknown));
     }
 
     #[test]
@@ -425,11 +410,8 @@ mod tests {
             Range::Between(low, high) => (low, high),
             Range::OneOf(_) => unreachable!(),
         };
-        let (min, centre, max) = (
-            bounds("SRV_MIN_US"),
-            bounds("SRV_CENTRE_US"),
-            bounds("SRV_MAX_US"),
-        );
+        let (min, centre, max) =
+            (bounds("SRV_MIN_US"), bounds("SRV_CENTRE_US"), bounds("SRV_MAX_US"));
         assert!(min.0 == 853.0 && min.1 < centre.0 && centre.1 < max.0 && max.1 == 2193.0);
     }
 }

@@ -76,13 +76,7 @@ impl Default for Recorder {
 impl Recorder {
     /// Nothing recorded.
     pub const fn new() -> Self {
-        Self {
-            words: [0; WORDS],
-            next: 0,
-            filled: 0,
-            phase: Phase::Idle,
-            active: false,
-        }
+        Self { words: [0; WORDS], next: 0, filled: 0, phase: Phase::Idle, active: false }
     }
 
     /// Take a step.
@@ -213,10 +207,7 @@ fn words(snapshot: &Snapshot, flight: &Flight) -> [u16; STEP_WORDS] {
         ),
         None => (NO_SAMPLE, [0; 3], [0; 3], [0; 3]),
     };
-    let [w, x, y, z] = flight
-        .orientation()
-        .wxyz_q30
-        .map(|part| (part >> 16) as u16);
+    let [w, x, y, z] = flight.orientation().wxyz_q30.map(|part| (part >> 16) as u16);
     let [now, now_high] = halves(snapshot.now.0 as u32);
     let fixed = |number: Q16| halves(number.to_bits().cast_unsigned());
     let [roll_rate, pitch_rate, yaw_rate] = snapshot.rates;
@@ -296,9 +287,7 @@ mod tests {
 
     fn times(bytes: &[u8]) -> Vec<u32> {
         let steps = bytes.chunks(STEP_BYTES);
-        steps
-            .map(|step| u32::from_le_bytes(step[..4].try_into().unwrap()))
-            .collect()
+        steps.map(|step| u32::from_le_bytes(step[..4].try_into().unwrap())).collect()
     }
 
     /// A flight that has been released, whole.
@@ -378,24 +367,14 @@ mod tests {
         for (bytes, snapshot) in kept.chunks(STEP_BYTES).zip(&snapshots) {
             let step = Step::decode(bytes.try_into().unwrap());
             assert_eq!((step.now, step.sample), (snapshot.now, snapshot.sample));
-            assert!(
-                step.orientation
-                    .angle_to(&snapshot.orientation.quaternion())
-                    < 3e-4
-            );
+            assert!(step.orientation.angle_to(&snapshot.orientation.quaternion()) < 3e-4);
             assert_eq!(step.rate, snapshot.rates.map(f32::from));
             assert_eq!(
                 (step.cranks_rad, step.pulses, u32::from(step.code)),
-                (
-                    snapshot.cranks.map(f32::from),
-                    snapshot.pulses,
-                    snapshot.state.code()
-                )
+                (snapshot.cranks.map(f32::from), snapshot.pulses, snapshot.state.code())
             );
         }
-        let moved = snapshots
-            .iter()
-            .any(|snapshot| snapshot.cranks[0] != Q16::default());
+        let moved = snapshots.iter().any(|snapshot| snapshot.cranks[0] != Q16::default());
         assert!(moved);
     }
 
@@ -414,14 +393,8 @@ mod tests {
     fn any_part_can_be_read() {
         let (recorder, ..) = released(40);
         let whole = bytes(&recorder);
-        for (offset, length) in [
-            (0, 90),
-            (1, 3),
-            (51, 90),
-            (10_399, 90),
-            (10_400, 90),
-            (90_000, 5),
-        ] {
+        for (offset, length) in [(0, 90), (1, 3), (51, 90), (10_399, 90), (10_400, 90), (90_000, 5)]
+        {
             let mut part = vec![0; length];
             let count = recorder.read(offset, &mut part);
             let expected = whole.get(offset..).unwrap_or_default();

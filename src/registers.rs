@@ -42,13 +42,7 @@ pub struct Register {
 impl Register {
     /// All bits of a register that is written anew.
     pub const fn new(at: u32, width: Width) -> Self {
-        Self {
-            at,
-            mask: u32::MAX,
-            width,
-            select: None,
-            then: Then::Restore,
-        }
+        Self { at, mask: u32::MAX, width, select: None, then: Then::Restore }
     }
 
     /// Only these bits of it.
@@ -58,18 +52,12 @@ impl Register {
 
     /// The one that this byte selects.
     pub const fn of(self, select: u8) -> Self {
-        Self {
-            select: Some(select),
-            ..self
-        }
+        Self { select: Some(select), ..self }
     }
 
     /// A change ends the run.
     pub const fn stops(self) -> Self {
-        Self {
-            then: Then::Stop,
-            ..self
-        }
+        Self { then: Then::Stop, ..self }
     }
 }
 
@@ -105,14 +93,7 @@ impl<const N: usize> Patrol<N> {
         access: &mut impl Access,
     ) -> Self {
         let held = core::array::from_fn(|index| table.get(index).map_or(0, |row| access.read(row)));
-        Self {
-            table,
-            always,
-            at_once,
-            held,
-            seal: seal(&held),
-            next: always,
-        }
+        Self { table, always, at_once, held, seal: seal(&held), next: always }
     }
 
     /// The rows from this one on have been set to something else.
@@ -129,11 +110,7 @@ impl<const N: usize> Patrol<N> {
     #[must_use]
     pub fn look(&mut self, access: &mut impl Access) -> bool {
         let (first, count) = (self.next, self.at_once);
-        self.next = if first + count < N {
-            first + count
-        } else {
-            self.always
-        };
+        self.next = if first + count < N { first + count } else { self.always };
         self.compare(0, self.always, access) && self.compare(first, count, access)
     }
 

@@ -61,11 +61,7 @@ impl Sampling {
 
     /// A transfer is over.
     pub fn over(&mut self, completion: Completion, timing: &Timing) -> Event {
-        let Completion {
-            origin,
-            mut outcome,
-            took_us,
-        } = completion;
+        let Completion { origin, mut outcome, took_us } = completion;
         let rates_only = origin == Origin::Tick { rates_only: true };
         outcome.started = before(outcome.started, timing.later_us(rates_only));
         match (origin, outcome.result) {
@@ -139,8 +135,7 @@ impl Sampling {
     ) -> bool {
         // What the 21 bytes of a burst vary by may be one byte that is stretched for long.
         let reserve_us = stop_us + self.times().spread_us();
-        self.tick
-            .leaves_time_for(start, transfer, timing, reserve_us, tick_period_us)
+        self.tick.leaves_time_for(start, transfer, timing, reserve_us, tick_period_us)
     }
 
     /// Whether a sensor is so slow that a register can be read back only in front of the step, and
@@ -152,10 +147,7 @@ impl Sampling {
         timing: &Timing,
         tick_period_us: u32,
     ) -> bool {
-        const ONE_REGISTER: Transfer = Transfer::Read {
-            register: 0,
-            len: 1,
-        };
+        const ONE_REGISTER: Transfer = Transfer::Read { register: 0, len: 1 };
         let fits =
             |start| self.leaves_time_for(start, &ONE_REGISTER, stop_us, timing, tick_period_us);
         !fits(now.after(STEP_US)) && fits(now.after(stop_us.into()))
@@ -182,22 +174,11 @@ mod tests {
     }
 
     fn tick(rates_only: bool) -> Tick {
-        Tick {
-            at: LATER,
-            is_carried: rates_only,
-            rates_only,
-        }
+        Tick { at: LATER, is_carried: rates_only, rates_only }
     }
 
     fn over(origin: Origin, result: Result<(), BusError>) -> Completion {
-        Completion {
-            origin,
-            outcome: Outcome {
-                started: LATER,
-                result,
-            },
-            took_us: 4_000,
-        }
+        Completion { origin, outcome: Outcome { started: LATER, result }, took_us: 4_000 }
     }
 
     #[test]
@@ -238,10 +219,7 @@ mod tests {
         assert!(whole < LATER);
         assert_eq!(sampling.carried_at(), whole);
         let event = sampling.over(over(Origin::Tick { rates_only: true }, Ok(())), &timing);
-        let expected = Outcome {
-            started: whole,
-            result: Ok(()),
-        };
+        let expected = Outcome { started: whole, result: Ok(()) };
         assert_eq!(event, Event::Burst(expected));
     }
 

@@ -107,12 +107,7 @@ mod tests {
     use super::*;
 
     fn sample(index: u64, period_us: u64, acc: [i16; 3], gyr: [i16; 3]) -> RawSample {
-        RawSample {
-            time: Micros(index * period_us),
-            acc,
-            mag: [0; 3],
-            gyr,
-        }
+        RawSample { time: Micros(index * period_us), acc, mag: [0; 3], gyr }
     }
 
     /// Feed samples until there is a verdict, and say after how many.
@@ -129,14 +124,8 @@ mod tests {
 
     #[test]
     fn a_still_sensor_passes_after_one_second_however_it_is_turned() {
-        assert_eq!(
-            run(10_000, [0, 0, -981], |_| [8, -16, 20]),
-            (100, Verdict::Passed)
-        );
-        assert_eq!(
-            run(10_000, [566, 566, -566], |_| [0; 3]),
-            (100, Verdict::Passed)
-        );
+        assert_eq!(run(10_000, [0, 0, -981], |_| [8, -16, 20]), (100, Verdict::Passed));
+        assert_eq!(run(10_000, [566, 566, -566], |_| [0; 3]), (100, Verdict::Passed));
     }
 
     #[test]
@@ -144,10 +133,7 @@ mod tests {
         let noise = |index| [(index % 9) as i16 - 4, 0, 0];
         assert_eq!(run(10_000, [0, 0, -981], noise).1, Verdict::Passed);
         let turning = |index| [0, (index * 2) as i16, 0];
-        assert_eq!(
-            run(10_000, [0, 0, -981], turning),
-            (25, Verdict::Failed(Failure::Moving))
-        );
+        assert_eq!(run(10_000, [0, 0, -981], turning), (25, Verdict::Failed(Failure::Moving)));
     }
 
     #[test]
@@ -178,9 +164,6 @@ mod tests {
     #[test]
     fn samples_must_come_at_95_hz_or_more() {
         assert_eq!(run(10_526, [0, 0, -981], |_| [0; 3]).1, Verdict::Passed);
-        assert_eq!(
-            run(10_600, [0, 0, -981], |_| [0; 3]).1,
-            Verdict::Failed(Failure::Slow)
-        );
+        assert_eq!(run(10_600, [0, 0, -981], |_| [0; 3]).1, Verdict::Failed(Failure::Slow));
     }
 }

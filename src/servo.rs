@@ -31,11 +31,7 @@ impl PulseUs {
 pub fn neutral(params: &Params) -> [PulseUs; Axis::COUNT] {
     let axes = params.axes();
     Axis::ALL.map(|axis| {
-        if axes.contains(&axis) {
-            Servo::new(params, axis).neutral_pulse()
-        } else {
-            PulseUs::NONE
-        }
+        if axes.contains(&axis) { Servo::new(params, axis).neutral_pulse() } else { PulseUs::NONE }
     })
 }
 
@@ -60,9 +56,7 @@ words! {
 impl Commanded {
     /// A pulse at once, without slew and beyond the command limits: for those who look for them.
     pub fn now(pulse: PulseUs) -> Self {
-        Self {
-            us: Q16::from_bits(i32::from(pulse.0) << Q16::FRACTION),
-        }
+        Self { us: Q16::from_bits(i32::from(pulse.0) << Q16::FRACTION) }
     }
 
     /// Rounded to the microsecond, and inside the hard range whatever came before.
@@ -85,13 +79,7 @@ pub struct Servo {
 impl Servo {
     /// An axis' servo.
     pub fn new(params: &Params, axis: Axis) -> Self {
-        let Fitting {
-            centre_us,
-            hold_deg,
-            direction,
-            min_us,
-            max_us,
-        } = params.fitting(axis);
+        let Fitting { centre_us, hold_deg, direction, min_us, max_us } = params.fitting(axis);
         let us_per_deg = direction * params.srv_us_per_deg();
         let min_us = min_us.max(PULSE_MIN_US);
         let max_us = max_us.min(PULSE_MAX_US);
@@ -111,17 +99,13 @@ impl Servo {
         let wanted = self.neutral_us + self.us_per_rad * crank;
         let step = (u64::from(self.slew_q32) * u64::from(dt_us)) >> 16;
         let step = Q16::from_bits(step.min(i32::MAX as u64) as i32);
-        let us = wanted
-            .clamped(self.min_us, self.max_us)
-            .clamped(last.us - step, last.us + step);
+        let us = wanted.clamped(self.min_us, self.max_us).clamped(last.us - step, last.us + step);
         Commanded { us }
     }
 
     /// Neutral rudder at once, without slew: the safe output.
     pub fn neutral(&self) -> Commanded {
-        Commanded {
-            us: self.neutral_us,
-        }
+        Commanded { us: self.neutral_us }
     }
 
     /// What [`neutral`] gives for the parameters in use.
@@ -194,10 +178,7 @@ mod tests {
         let mut reversed = servo(&[("SRV_HOLD_DEG", 3.0), ("SRV_DIR", -1.0)]);
         assert_eq!(reversed.neutral(), PulseUs(1494));
         assert_eq!(reversed.command(0.0.into(), SECOND_US), PulseUs(1494));
-        assert_eq!(
-            reversed.command(10.0_f32.to_radians().into(), SECOND_US),
-            PulseUs(1394)
-        );
+        assert_eq!(reversed.command(10.0_f32.to_radians().into(), SECOND_US), PulseUs(1394));
     }
 
     /// The pulse of a crash and of the time before the first step is the one that the flight rests
@@ -266,14 +247,8 @@ mod tests {
     fn ten_degrees_are_a_hundred_microseconds_in_the_servos_direction() {
         let angle = 10.0_f32.to_radians();
         assert_eq!(servo(&[]).command(angle.into(), SECOND_US), PulseUs(1624));
-        assert_eq!(
-            servo(&[]).command((-angle).into(), SECOND_US),
-            PulseUs(1424)
-        );
-        assert_eq!(
-            servo(&[("SRV_DIR", -1.0)]).command(angle.into(), SECOND_US),
-            PulseUs(1424)
-        );
+        assert_eq!(servo(&[]).command((-angle).into(), SECOND_US), PulseUs(1424));
+        assert_eq!(servo(&[("SRV_DIR", -1.0)]).command(angle.into(), SECOND_US), PulseUs(1424));
         assert_eq!(
             servo(&[("SRV_US_PER_DEG", 8.0)]).command(angle.into(), SECOND_US),
             PulseUs(1604)

@@ -27,11 +27,7 @@ pub struct Load {
 impl Load {
     /// Nothing measured yet.
     pub const fn new(now: Micros) -> Self {
-        Self {
-            since: now,
-            asleep: 0,
-            permille: 0,
-        }
+        Self { since: now, asleep: 0, permille: 0 }
     }
 
     /// The processor has slept for this number of cycles.

@@ -104,15 +104,7 @@ pub enum Loaded {
 impl Loaded {
     /// Whether the parameters are what was last saved, or nothing was.
     pub fn is_as_saved(&self) -> bool {
-        matches!(
-            self,
-            Loaded::Nothing
-                | Loaded::Set {
-                    interrupted: false,
-                    unusable: 0,
-                    ..
-                }
-        )
+        matches!(self, Loaded::Nothing | Loaded::Set { interrupted: false, unusable: 0, .. })
     }
 }
 
@@ -121,9 +113,9 @@ impl fmt::Display for Loaded {
         f.write_str(match self {
             Loaded::Nothing => "no stored parameters",
             Loaded::Corrupt => "stored parameters lost, defaults in use",
-            Loaded::Set {
-                interrupted: true, ..
-            } => "a save was interrupted, older parameters in use",
+            Loaded::Set { interrupted: true, .. } => {
+                "a save was interrupted, older parameters in use"
+            }
             Loaded::Set { unusable: 0, .. } => "stored parameters in use",
             Loaded::Set { .. } => "some stored parameters are of no use here",
         })
@@ -264,13 +256,7 @@ impl Saving {
             Some((slot, generation)) => (slot.other(), generation.wrapping_add(1)),
             None => (Slot::First, 1),
         };
-        Self {
-            slot,
-            generation,
-            board,
-            digest: params.digest(),
-            done: 0,
-        }
+        Self { slot, generation, board, digest: params.digest(), done: 0 }
     }
 
     /// Erases the next row or writes the next page, that with the mark last; the new generation
@@ -360,20 +346,14 @@ fn examine(flash: &mut impl ReadNorFlash, slot: Slot, bytes: &mut [u8; SLOT_BYTE
     let mut pages = bytes.chunks(FIRST_PAGE_BYTES);
     let is_blank = |page: &[u8]| page.iter().all(|byte| *byte == 0xFF);
     if pages.next().is_some_and(is_blank) {
-        return if pages.all(is_blank) {
-            Content::Blank
-        } else {
-            Content::Unfinished
-        };
+        return if pages.all(is_blank) { Content::Blank } else { Content::Unfinished };
     }
     let end = HEADER_BYTES + ENTRY_BYTES * usize::from(half(bytes, 12));
     match bytes.get(COVERED_FROM..end) {
         Some(covered)
             if bytes.starts_with(&MARK) && CRC.checksum(covered) == word(bytes, CRC_AT) =>
         {
-            Content::Set {
-                generation: word(bytes, 8),
-            }
+            Content::Set { generation: word(bytes, 8) }
         }
         _ => Content::Damaged,
     }
@@ -420,10 +400,7 @@ fn apply(bytes: &[u8; SLOT_BYTES], params: &mut Params) -> u16 {
     let count = usize::from(half(bytes, 12));
     let mut unusable = 0;
     for entry in entries.iter().skip(first).take(count) {
-        if params
-            .set_by_id(word(entry, 0), f32::from_bits(word(entry, 4)))
-            .is_err()
-        {
+        if params.set_by_id(word(entry, 0), f32::from_bits(word(entry, 4))).is_err() {
             unusable += 1;
         }
     }

@@ -211,9 +211,8 @@ impl Telemetry {
         self.announce(&snapshot.state);
         self.stream(snapshot, flight);
         self.watch_field(snapshot);
-        let due = self
-            .heartbeat_at
-            .is_none_or(|last| snapshot.now.since(last) >= HEARTBEAT_PERIOD_US);
+        let due =
+            self.heartbeat_at.is_none_or(|last| snapshot.now.since(last) >= HEARTBEAT_PERIOD_US);
         if self.rates.due(Stream::Heartbeat) || due {
             self.heartbeat(&snapshot.state);
         }
@@ -280,8 +279,7 @@ impl Telemetry {
 
     /// Whether the host has sent a whole message lately.
     pub fn has_heard(&self, now: Micros) -> bool {
-        self.heard_at
-            .is_some_and(|heard| now.since(heard) < HOST_GONE_US)
+        self.heard_at.is_some_and(|heard| now.since(heard) < HOST_GONE_US)
     }
 
     /// A reset that the host has asked for, once. It was not armed then.
@@ -355,15 +353,7 @@ impl Telemetry {
             let [rollspeed, pitchspeed, yawspeed] = rates();
             self.send_words::<ATTITUDE_DATA>(
                 Priority::Stream,
-                &[
-                    time_boot_ms,
-                    roll,
-                    pitch,
-                    yaw,
-                    rollspeed,
-                    pitchspeed,
-                    yawspeed,
-                ],
+                &[time_boot_ms, roll, pitch, yaw, rollspeed, pitchspeed, yawspeed],
             );
         }
     }
@@ -371,10 +361,7 @@ impl Telemetry {
     fn heartbeat(&mut self, state: &State) {
         let mut base_mode = MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED;
         base_mode.set(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED, state.is_armed());
-        base_mode.set(
-            MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED,
-            state.is_active(),
-        );
+        base_mode.set(MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED, state.is_active());
         let system_status = match state {
             State::Boot => MavState::MAV_STATE_BOOT,
             State::SelfTest(_) => MavState::MAV_STATE_CALIBRATING,
@@ -410,10 +397,7 @@ impl Telemetry {
         // There is no fence, so nothing is beyond it: MAVProxy calls anything else a breach.
         let mut health = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
         health.set(inertial, snapshot.sensor_healthy);
-        health.set(
-            magnetometer,
-            snapshot.sensor_healthy && snapshot.field_healthy,
-        );
+        health.set(magnetometer, snapshot.sensor_healthy && snapshot.field_healthy);
         health.set(attitude, snapshot.sensor_healthy && snapshot.settled);
         health.set(control, !matches!(snapshot.state, State::Failsafe(_)));
         health.set(
@@ -458,15 +442,7 @@ impl Telemetry {
         let [time_low, time_high] = halves(snapshot.now);
         self.send_words::<DEBUG_VECT_DATA>(
             Priority::Event,
-            &[
-                time_low,
-                time_high,
-                mean_us,
-                max_us,
-                fresh,
-                BUS_NAME[0],
-                BUS_NAME[1],
-            ],
+            &[time_low, time_high, mean_us, max_us, fresh, BUS_NAME[0], BUS_NAME[1]],
         );
     }
 

@@ -96,12 +96,7 @@ impl Timing {
 
     /// How long before the edge the frame's last tick comes, us.
     pub fn lead_us(&self) -> u32 {
-        self.sample_lead_us()
-            - if self.is_split() {
-                self.skipped_us()
-            } else {
-                0
-            }
+        self.sample_lead_us() - if self.is_split() { self.skipped_us() } else { 0 }
     }
 
     /// How long before the edge the time of the sample is that the pulse carries, us.
@@ -309,11 +304,8 @@ impl CarriedTicks {
         let since_us = (at.since(self.at) as u32).wrapping_add(ticks.period_us / 2);
         let per_frame = u32::from(ticks.per_frame);
         let frame_us = per_frame * ticks.period_us;
-        let mut behind_us = if since_us < frame_us {
-            since_us
-        } else {
-            since_us % divisor(frame_us)
-        };
+        let mut behind_us =
+            if since_us < frame_us { since_us } else { since_us % divisor(frame_us) };
         self.to_go = ticks.per_frame;
         while behind_us >= ticks.period_us {
             behind_us -= ticks.period_us;
@@ -347,10 +339,7 @@ impl Ticks {
     #[inline(never)]
     pub fn new(timing: &Timing) -> Self {
         let plan = TickPlan::new(timing);
-        Self {
-            period_us: plan.period_us(timing.frame_hz),
-            per_frame: plan.ticks_per_frame,
-        }
+        Self { period_us: plan.period_us(timing.frame_hz), per_frame: plan.ticks_per_frame }
     }
 }
 
@@ -371,10 +360,7 @@ pub struct TimerPlan {
 impl TimerPlan {
     /// For a timer with `counts_per_us`. Frame rates outside the servo's range are brought into it.
     pub fn new(counts_per_us: u32, timing: &Timing) -> Self {
-        let timing = &Timing {
-            frame_hz: timing.frame_hz.clamp(SLOWEST_HZ, FASTEST_HZ),
-            ..*timing
-        };
+        let timing = &Timing { frame_hz: timing.frame_hz.clamp(SLOWEST_HZ, FASTEST_HZ), ..*timing };
         let plan = TickPlan::new(timing);
         let period = counts_per_us * 1_000_000 / divisor(timing.frame_hz);
         let spacing = period / divisor(plan.ticks_per_frame.into());
@@ -418,11 +404,7 @@ pub struct NewestTick {
 impl NewestTick {
     /// No tick yet.
     pub const fn new(now: Micros) -> Self {
-        Self {
-            at: now,
-            alone: false,
-            burst_due: None,
-        }
+        Self { at: now, alone: false, burst_due: None }
     }
 
     /// A tick has come, whose burst reads the rates `alone` or all. Says whether the step of the

@@ -18,12 +18,7 @@ pub struct Work {
 impl Work {
     /// Nothing yet.
     pub const fn new(now: Micros) -> Self {
-        Self {
-            tick: false,
-            step: false,
-            frame: false,
-            fed: now,
-        }
+        Self { tick: false, step: false, frame: false, fed: now }
     }
 
     /// A tick has come.
@@ -76,9 +71,6 @@ mod tests {
         work.frame_begun(true);
         assert!(work.is_done(LATER) && !work.is_done(Micros(FEED_PERIOD_US - 1)));
         work.fed(LATER);
-        assert!(
-            !work.is_done(Micros(10 * FEED_PERIOD_US)),
-            "it begins again"
-        );
+        assert!(!work.is_done(Micros(10 * FEED_PERIOD_US)), "it begins again");
     }
 }

@@ -7,11 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// A layer: what it is, where it lies, and the names that do not stand in it.
 const LAYERS: [(&str, &[&str], &[&str]); 10] = [
-    (
-        "one file of the firmware chooses the sensor",
-        &["src"],
-        &["bno055_driver"],
-    ),
+    ("one file of the firmware chooses the sensor", &["src"], &["bno055_driver"]),
     (
         "the link knows no sensor's driver, no filter's inside, no law and no servo's map",
         &["src/telemetry", "src/telemetry.rs"],
@@ -48,22 +44,12 @@ const LAYERS: [(&str, &[&str], &[&str]); 10] = [
     (
         "the estimate knows no law, no state and no link",
         &["src/navigation.rs", "src/mount.rs", "src/blow.rs"],
-        &[
-            "crate::controller",
-            "crate::failsafe",
-            "crate::telemetry",
-            "crate::flight",
-        ],
+        &["crate::controller", "crate::failsafe", "crate::telemetry", "crate::flight"],
     ),
     (
         "the flight knows no link and no board",
         &["src/flight", "src/flight.rs"],
-        &[
-            "crate::telemetry",
-            "crate::recorder",
-            "crate::application",
-            "embedded_storage",
-        ],
+        &["crate::telemetry", "crate::recorder", "crate::application", "embedded_storage"],
     ),
     (
         "filters, laws and what sensors share use nothing of ours",
@@ -99,9 +85,7 @@ fn sources(place: &Path) -> Vec<PathBuf> {
     if place.is_file() {
         return vec![place.to_owned()];
     }
-    let entries = fs::read_dir(place)
-        .unwrap()
-        .map(|entry| entry.unwrap().path());
+    let entries = fs::read_dir(place).unwrap().map(|entry| entry.unwrap().path());
     let is_test = |path: &Path| path.file_stem().is_some_and(|stem| stem == "tests");
     entries
         .filter(|path| !is_test(path))
@@ -115,10 +99,7 @@ fn code(path: &Path) -> Vec<String> {
     let text = fs::read_to_string(path).unwrap();
     let production = text.split("\n#[cfg(test)]").next().unwrap_or_default();
     let lines = production.lines().map(str::trim);
-    lines
-        .filter(|line| !line.starts_with("//"))
-        .map(str::to_owned)
-        .collect()
+    lines.filter(|line| !line.starts_with("//")).map(str::to_owned).collect()
 }
 
 /// The names that stand in the files of a layer against its rule.

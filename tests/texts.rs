@@ -8,10 +8,8 @@ use tvc_nano::servo::PulseUs;
 use tvc_nano::store::{Loaded, SaveError};
 use tvc_nano::{Axis, Params};
 
-const PAGES: [&str; 2] = [
-    include_str!("../docs/guides/troubleshooting.md"),
-    include_str!("../docs/reference/texts.md"),
-];
+const PAGES: [&str; 2] =
+    [include_str!("../docs/guides/troubleshooting.md"), include_str!("../docs/reference/texts.md")];
 
 fn assert_described(text: impl ToString) {
     let text = text.to_string();
@@ -114,23 +112,12 @@ fn what_is_said_of_parameters_is_described() {
         ParamError::Armed { name: "SRV_DIR" },
         ParamError::ArmedAll,
         ParamError::OldLaw,
-        ParamError::Unseen {
-            name: "SRV_POLARITY",
-        },
+        ParamError::Unseen { name: "SRV_POLARITY" },
     ] {
         assert_described(error);
     }
-    let set = |unusable, interrupted| Loaded::Set {
-        generation: 1,
-        unusable,
-        interrupted,
-    };
-    for loaded in [
-        Loaded::Nothing,
-        Loaded::Corrupt,
-        set(0, true),
-        set(1, false),
-    ] {
+    let set = |unusable, interrupted| Loaded::Set { generation: 1, unusable, interrupted };
+    for loaded in [Loaded::Nothing, Loaded::Corrupt, set(0, true), set(1, false)] {
         assert_described(loaded);
     }
     for error in [SaveError::Flash, SaveError::ReadBack] {

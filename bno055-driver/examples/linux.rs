@@ -7,9 +7,7 @@ fn main() {
     use bno055_driver::{Config, Micros, blocking::Bno055};
     use linux_embedded_hal::{Delay, I2cdev};
 
-    let path = std::env::args()
-        .nth(1)
-        .unwrap_or_else(|| "/dev/i2c-1".into());
+    let path = std::env::args().nth(1).unwrap_or_else(|| "/dev/i2c-1".into());
     let i2c = match I2cdev::new(&path) {
         Ok(i2c) => i2c,
         Err(error) => {
@@ -27,10 +25,7 @@ fn main() {
     }
     let scale = config.units.scale();
     let identity = imu.driver().identity();
-    println!(
-        "firmware {:x}, id {:02x?}",
-        identity.software, identity.unique_id
-    );
+    println!("firmware {:x}, id {:02x?}", identity.software, identity.unique_id);
     loop {
         match imu.sample() {
             Ok(sample) => println!(

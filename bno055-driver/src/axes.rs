@@ -146,15 +146,12 @@ mod tests {
     #[test]
     fn the_rotations_of_a_cube_and_nothing_else() {
         let (mut maps, mut repeated, mut mirrored) = (0, 0, 0);
-        for (x, y, z) in AXES.iter().flat_map(|x| {
-            AXES.iter()
-                .flat_map(move |y| AXES.iter().map(move |z| (*x, *y, *z)))
-        }) {
+        for (x, y, z) in AXES
+            .iter()
+            .flat_map(|x| AXES.iter().flat_map(move |y| AXES.iter().map(move |z| (*x, *y, *z))))
+        {
             for signs in 0..8_u8 {
-                let signed = |axis, bit: u8| Signed {
-                    axis,
-                    negative: signs >> bit & 1 != 0,
-                };
+                let signed = |axis, bit: u8| Signed { axis, negative: signs >> bit & 1 != 0 };
                 match AxisMap::new(signed(x, 2), signed(y, 1), signed(z, 0)) {
                     Ok(map) => {
                         maps += 1;

@@ -2,10 +2,4 @@
 
 use crate::front::front_end;
 
-front_end!(
-    embedded_hal::i2c::I2c,
-    embedded_hal::delay::DelayNs,
-    embedded_hal,
-    [],
-    []
-);
+front_end!(embedded_hal::i2c::I2c, embedded_hal::delay::DelayNs, embedded_hal, [], []);

@@ -193,11 +193,7 @@ impl Driver {
         };
         let behind_failure = sampling.silent_since.is_some();
         // Rates of -1 on all axes come every few seconds at rest, but not after a lost burst.
-        let chance = if behind_failure {
-            0
-        } else {
-            sample::RATES.into()
-        };
+        let chance = if behind_failure { 0 } else { sample::RATES.into() };
         let judged = match received(outcome, chance) {
             Ok(bytes) => {
                 let inspector = &mut sampling.inspector;
@@ -205,13 +201,7 @@ impl Driver {
             }
             Err(fault) => return self.no_data(time, fault),
         };
-        let Ok(Judged {
-            sample,
-            fresh,
-            evidence,
-            cleared,
-        }) = judged
-        else {
+        let Ok(Judged { sample, fresh, evidence, cleared }) = judged else {
             return self.conclude(time, judged.map(|judged| judged.sample));
         };
         self.health.fresh = self.health.fresh.wrapping_add(u32::from(fresh));

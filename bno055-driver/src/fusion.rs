@@ -52,10 +52,7 @@ impl FusionSample {
         if quaternion == [-1; 4] || words.iter().filter(|&&word| word == -1).count() > ONES_MAX {
             return Err(SensorFault::AllOnes);
         }
-        let norm: i64 = quaternion
-            .iter()
-            .map(|&q| i64::from(q) * i64::from(q))
-            .sum();
+        let norm: i64 = quaternion.iter().map(|&q| i64::from(q) * i64::from(q)).sum();
         if !NORM.contains(&norm) {
             return Err(SensorFault::Implausible);
         }
@@ -75,20 +72,17 @@ impl FusionSample {
 
     /// The quaternion w, x, y, z, of norm 1 within 5 %.
     pub fn quaternion(&self) -> [f32; 4] {
-        self.quaternion
-            .map(|count| f32::from(count) * QUATERNION_UNIT)
+        self.quaternion.map(|count| f32::from(count) * QUATERNION_UNIT)
     }
 
     /// Acceleration without gravity in m/s^2, in the chip's mapped axes.
     pub fn linear_acc_m_s2(&self, units: &Units) -> [f32; 3] {
-        self.linear_acc
-            .map(|count| f32::from(count) * units.acc_m_s2())
+        self.linear_acc.map(|count| f32::from(count) * units.acc_m_s2())
     }
 
     /// Gravity in m/s^2, in the chip's mapped axes.
     pub fn gravity_m_s2(&self, units: &Units) -> [f32; 3] {
-        self.gravity
-            .map(|count| f32::from(count) * units.acc_m_s2())
+        self.gravity.map(|count| f32::from(count) * units.acc_m_s2())
     }
 }
 
@@ -135,9 +129,6 @@ mod tests {
         assert_eq!(judge(quaternion(17_203)), Ok(()));
         assert_eq!(judge(quaternion(17_204)), Err(SensorFault::Implausible));
         assert_eq!(judge(quaternion(i16::MIN)), Err(SensorFault::Implausible));
-        assert_eq!(
-            FusionSample::judge(Micros(0), &[0; 25]),
-            Err(SensorFault::Protocol)
-        );
+        assert_eq!(FusionSample::judge(Micros(0), &[0; 25]), Err(SensorFault::Protocol));
     }
 }

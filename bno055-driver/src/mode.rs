@@ -55,11 +55,7 @@ impl Mode {
 
     /// The system status while it runs.
     pub(crate) const fn status(self) -> SystemStatus {
-        if self.is_fusion() {
-            SystemStatus::Fusion
-        } else {
-            SystemStatus::NoFusion
-        }
+        if self.is_fusion() { SystemStatus::Fusion } else { SystemStatus::NoFusion }
     }
 
     /// Whether accelerometer data are live.
@@ -69,17 +65,11 @@ impl Mode {
 
     /// Whether magnetometer data are live.
     pub const fn has_mag(self) -> bool {
-        !matches!(
-            self,
-            Self::AccOnly | Self::GyrOnly | Self::AccGyr | Self::Imu
-        )
+        !matches!(self, Self::AccOnly | Self::GyrOnly | Self::AccGyr | Self::Imu)
     }
 
     /// Whether gyroscope data are live.
     pub const fn has_gyr(self) -> bool {
-        !matches!(
-            self,
-            Self::AccOnly | Self::MagOnly | Self::AccMag | Self::Compass | Self::M4g
-        )
+        !matches!(self, Self::AccOnly | Self::MagOnly | Self::AccMag | Self::Compass | Self::M4g)
     }
 }

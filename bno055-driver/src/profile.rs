@@ -89,19 +89,8 @@ impl Profile {
     pub fn from_registers(bytes: &[u8; Self::REGISTERS_LEN]) -> Self {
         let mut words = [[0; 3]; 4];
         words::decode(words.as_flattened_mut(), bytes);
-        let [
-            acc_offset,
-            mag_offset,
-            gyr_offset,
-            [acc_radius, mag_radius, _],
-        ] = words;
-        Self {
-            acc_offset,
-            mag_offset,
-            gyr_offset,
-            acc_radius,
-            mag_radius,
-        }
+        let [acc_offset, mag_offset, gyr_offset, [acc_radius, mag_radius, _]] = words;
+        Self { acc_offset, mag_offset, gyr_offset, acc_radius, mag_radius }
     }
 
     /// Whether the chip will take every value (data sheet sections 3.6.4 and 3.6.5, tables 3-16 to
@@ -115,12 +104,8 @@ impl Profile {
         let gyr = 16 * sensors.gyr_range_in(mode).dps();
         let limits: [u16; 11] = [acc, acc, acc, 6400, 6400, 6400, gyr, gyr, gyr, 1000, 960];
         let registers = (registers::ACC_OFFSET..).step_by(2);
-        for ((&value, limit), register) in self
-            .words()
-            .as_flattened()
-            .iter()
-            .zip(limits)
-            .zip(registers)
+        for ((&value, limit), register) in
+            self.words().as_flattened().iter().zip(limits).zip(registers)
         {
             if value.unsigned_abs() > limit {
                 return Err(ProfileError::Range { register, value });
@@ -153,9 +138,7 @@ impl Profile {
     /// # Errors
     /// Anything but the untouched result of [`Profile::to_bytes`].
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ProfileError> {
-        let stored = bytes
-            .first_chunk::<{ Self::STORED_LEN }>()
-            .ok_or(ProfileError::Format)?;
+        let stored = bytes.first_chunk::<{ Self::STORED_LEN }>().ok_or(ProfileError::Format)?;
         let &[m0, m1, m2, version, ref block @ .., c0, c1, c2, c3] = stored;
         let content = stored.first_chunk::<{ Self::STORED_LEN - 4 }>();
         match content.map(|content| CRC.checksum(content)) {
@@ -242,10 +225,7 @@ mod tests {
             assert!(Profile::from_bytes(&bad).is_err(), "bit {bit}");
         }
         for len in 0..Profile::STORED_LEN {
-            assert_eq!(
-                Profile::from_bytes(&stored[..len]),
-                Err(ProfileError::Format)
-            );
+            assert_eq!(Profile::from_bytes(&stored[..len]), Err(ProfileError::Format));
         }
     }
 
@@ -258,11 +238,8 @@ mod tests {
 
     #[test]
     fn values_out_of_range_are_named_with_their_register() {
-        let sensors = Sensors {
-            acc_range: AccRange::G2,
-            gyr_range: GyrRange::Dps125,
-            ..Sensors::default()
-        };
+        let sensors =
+            Sensors { acc_range: AccRange::G2, gyr_range: GyrRange::Dps125, ..Sensors::default() };
         assert_eq!(PROFILE.check(Mode::Ndof, &sensors), Ok(()));
         let range = |register, value| Err(ProfileError::Range { register, value });
         let with = |change: fn(&mut Profile)| {
@@ -278,22 +255,13 @@ mod tests {
             with(|p| p.mag_offset[2] = 0x218C).check(Mode::Ndof, &sensors),
             range(0x5F, 0x218C)
         );
-        assert_eq!(
-            with(|p| p.gyr_offset[0] = 2001).check(Mode::Ndof, &sensors),
-            Ok(())
-        );
-        assert_eq!(
-            with(|p| p.gyr_offset[0] = 2001).check(Mode::Amg, &sensors),
-            range(0x61, 2001)
-        );
+        assert_eq!(with(|p| p.gyr_offset[0] = 2001).check(Mode::Ndof, &sensors), Ok(()));
+        assert_eq!(with(|p| p.gyr_offset[0] = 2001).check(Mode::Amg, &sensors), range(0x61, 2001));
         assert_eq!(
             with(|p| p.acc_radius = i16::MIN).check(Mode::Ndof, &sensors),
             range(0x67, i16::MIN)
         );
-        assert_eq!(
-            with(|p| p.mag_radius = 961).check(Mode::Ndof, &sensors),
-            range(0x69, 961)
-        );
+        assert_eq!(with(|p| p.mag_radius = 961).check(Mode::Ndof, &sensors), range(0x69, 961));
     }
 
     #[test]

@@ -62,10 +62,9 @@ impl Request {
             (Self::SoftIron, block) => {
                 Answer::SoftIron(SoftIron::from_registers(block.try_into().ok()?))
             }
-            (Self::SelfTest, &[result, _, _, _, error]) => Answer::SelfTest(SelfTest {
-                result,
-                error: SystemError::from_register(error),
-            }),
+            (Self::SelfTest, &[result, _, _, _, error]) => {
+                Answer::SelfTest(SelfTest { result, error: SystemError::from_register(error) })
+            }
             _ => return None,
         })
     }

@@ -170,11 +170,7 @@ impl Sensors {
 
     /// The gyroscope's range in effect: fusion modes set the widest themselves.
     pub(crate) const fn gyr_range_in(&self, mode: Mode) -> GyrRange {
-        if mode.is_fusion() {
-            GyrRange::Dps2000
-        } else {
-            self.gyr_range
-        }
+        if mode.is_fusion() { GyrRange::Dps2000 } else { self.gyr_range }
     }
 
     /// ACC_CONFIG, MAG_CONFIG, GYR_CONFIG_0, GYR_CONFIG_1, all three sensors in their normal power

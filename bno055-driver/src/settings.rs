@@ -50,12 +50,12 @@ impl Setting {
             Self::Units => Transfer::write(reg::UNIT_SEL, [config.units.register()]),
             Self::Axes => Transfer::write(reg::AXIS_MAP_CONFIG, config.axes.registers()),
             // Without a matrix or profile, `next` leaves the setting out.
-            Self::SoftIron => config.soft_iron.map_or(NOTHING, |it| {
-                Transfer::write(reg::SIC_MATRIX, it.registers())
-            }),
-            Self::Profile => config.profile.map_or(NOTHING, |it| {
-                Transfer::write(reg::ACC_OFFSET, it.registers())
-            }),
+            Self::SoftIron => config
+                .soft_iron
+                .map_or(NOTHING, |it| Transfer::write(reg::SIC_MATRIX, it.registers())),
+            Self::Profile => config
+                .profile
+                .map_or(NOTHING, |it| Transfer::write(reg::ACC_OFFSET, it.registers())),
             Self::PageOne => Transfer::write(reg::PAGE_ID, [1]),
             Self::Sensors => Transfer::write(reg::ACC_CONFIG, config.sensors.registers()),
             Self::UniqueId => Transfer::read(reg::UNIQUE_ID, 16),

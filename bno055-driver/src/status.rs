@@ -146,12 +146,7 @@ pub struct CalibrationStatus {
 impl CalibrationStatus {
     /// The status of CALIB_STAT's value.
     pub const fn from_register(value: u8) -> Self {
-        Self {
-            system: value >> 6,
-            gyr: value >> 4 & 3,
-            acc: value >> 2 & 3,
-            mag: value & 3,
-        }
+        Self { system: value >> 6, gyr: value >> 4 & 3, acc: value >> 2 & 3, mag: value & 3 }
     }
 }
 

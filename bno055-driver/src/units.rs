@@ -81,11 +81,7 @@ impl Units {
 
     /// Unit of each sensor's count.
     pub const fn scale(&self) -> Scale {
-        Scale {
-            acc_m_s2: self.acc_m_s2(),
-            gyr_rad_s: self.gyr_rad_s(),
-            mag_ut: MAG_UT,
-        }
+        Scale { acc_m_s2: self.acc_m_s2(), gyr_rad_s: self.gyr_rad_s(), mag_ut: MAG_UT }
     }
 
     /// The value of UNIT_SEL.

@@ -85,10 +85,7 @@ impl Check {
         match found & mask {
             found if found == expected => Ok(()),
             0 if self == Self::Mode => Err(SensorFault::Reset),
-            _ => Err(SensorFault::Configuration {
-                register: self as u8,
-                found,
-            }),
+            _ => Err(SensorFault::Configuration { register: self as u8, found }),
         }
     }
 }

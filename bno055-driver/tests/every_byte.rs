@@ -10,24 +10,15 @@ use bno055_driver::{
 };
 use fake::{Chip, Rig, Spoiler};
 
-const ERRORS: [BusError; 5] = [
-    BusError::Nak,
-    BusError::Timeout,
-    BusError::Stuck,
-    BusError::Arbitration,
-    BusError::Protocol,
-];
+const ERRORS: [BusError; 5] =
+    [BusError::Nak, BusError::Timeout, BusError::Stuck, BusError::Arbitration, BusError::Protocol];
 
 fn config() -> Config {
     Config {
         mode: Mode::Ndof,
         axes: AxisMap::PLACEMENTS[6],
         external_crystal: true,
-        profile: Some(Profile {
-            acc_offset: [1, 2, 3],
-            mag_radius: 480,
-            ..Profile::default()
-        }),
+        profile: Some(Profile { acc_offset: [1, 2, 3], mag_radius: 480, ..Profile::default() }),
         soft_iron: Some(SoftIron([[0x4000, 7, 0], [0, 0x4000, 0], [0, 0, 0x4000]])),
         ..Config::default()
     }
@@ -46,11 +37,7 @@ fn spoil_every_byte(config: Config, start: fn(Config) -> Rig, act: fn(&mut Rig))
             for error in ERRORS {
                 let mut rig = start(config);
                 assert_eq!(rig.chip.transfers, first, "the clean run is repeatable");
-                rig.chip.spoiler = Some(Spoiler {
-                    transfer: number,
-                    byte,
-                    error,
-                });
+                rig.chip.spoiler = Some(Spoiler { transfer: number, byte, error });
                 act(&mut rig);
                 let what = format!("{transfer:?} byte {byte} {error:?}");
                 assert!(rig.driver.is_sampling(), "{what}");
@@ -102,13 +89,7 @@ fn of_bursts_and_verifications() {
         rig.bursts(10);
         rig.run_until_sampling(2_000_000);
         // One of these may be the spoilt one.
-        assert!(
-            rig.bursts(3)
-                .iter()
-                .filter(|outcome| outcome.is_ok())
-                .count()
-                >= 2
-        );
+        assert!(rig.bursts(3).iter().filter(|outcome| outcome.is_ok()).count() >= 2);
     });
 }
 
@@ -182,9 +163,8 @@ fn of_fusion_outputs() {
         for _ in 0..10 {
             let (start, burst) = (rig.chip.now, rig.driver.fusion_burst());
             let outcome = rig.chip.perform(&burst);
-            let fusion = rig
-                .driver
-                .fusion(Micros(start), outcome.as_deref().map_err(|error| *error));
+            let fusion =
+                rig.driver.fusion(Micros(start), outcome.as_deref().map_err(|error| *error));
             if let Ok(fusion) = fusion {
                 assert_eq!(fusion.quaternion(), [1.0, 0.0, 0.0, 0.0]);
             }

@@ -14,15 +14,8 @@ fn first_fault(rig: &mut Rig, patience: usize) -> (usize, u64, SensorFault) {
     let (from, start) = (rig.ticks.len(), rig.chip.now);
     for _ in 0..100 * patience {
         rig.turn();
-        if let Some(index) = rig.ticks[from..]
-            .iter()
-            .position(|(_, outcome)| outcome.is_err())
-        {
-            return (
-                index + 1,
-                rig.chip.now - start,
-                rig.ticks[from + index].1.unwrap_err(),
-            );
+        if let Some(index) = rig.ticks[from..].iter().position(|(_, outcome)| outcome.is_err()) {
+            return (index + 1, rig.chip.now - start, rig.ticks[from + index].1.unwrap_err());
         }
         if let Some(fault) = rig.driver.fault() {
             return (rig.ticks.len() - from, rig.chip.now - start, fault);
@@ -52,10 +45,7 @@ fn seen_until_mended(
     spoil(&mut rig.chip);
     let (bursts, us, found) = first_fault(&mut rig, 5);
     assert_eq!(found, fault);
-    assert!(
-        bursts <= bursts_max && us <= us_max,
-        "{fault}: {bursts} {us}"
-    );
+    assert!(bursts <= bursts_max && us <= us_max, "{fault}: {bursts} {us}");
     rig.run_for(1_000_000);
     assert!(!rig.driver.is_sampling());
     assert_eq!(rig.driver.fault(), Some(fault));
@@ -65,12 +55,7 @@ fn seen_until_mended(
 
 #[test]
 fn unplugged_is_seen_at_the_first_burst() {
-    seen_until_mended(
-        |chip| chip.bus = Some(BusError::Nak),
-        SensorFault::Nak,
-        1,
-        2 * TICK_US,
-    );
+    seen_until_mended(|chip| chip.bus = Some(BusError::Nak), SensorFault::Nak, 1, 2 * TICK_US);
 }
 
 #[test]
@@ -121,10 +106,9 @@ fn a_reset_behind_a_short_silence_is_not_ridden_out() {
 
 #[test]
 fn a_stuck_bus_is_seen_at_the_masters_deadline() {
-    for (error, fault) in [
-        (BusError::Stuck, SensorFault::Stuck),
-        (BusError::Timeout, SensorFault::Timeout),
-    ] {
+    for (error, fault) in
+        [(BusError::Stuck, SensorFault::Stuck), (BusError::Timeout, SensorFault::Timeout)]
+    {
         let deadline_us = TICK_US + TRANSFER_DEADLINE_US;
         seen_until_mended(|chip| chip.bus = Some(error), fault, 1, deadline_us);
     }
@@ -144,21 +128,14 @@ fn all_ones_are_seen_at_the_first_burst() {
 fn a_reset_chip_is_seen_and_set_up_again() {
     // Whatever its boot time: none, shorter than a tick, or the usual.
     for boot_us in [0, 5_000, 650_000] {
-        let config = Config {
-            axes: AxisMap::PLACEMENTS[3],
-            ..Config::default()
-        };
+        let config = Config { axes: AxisMap::PLACEMENTS[3], ..Config::default() };
         let mut rig = flying(config);
         rig.chip.power_on(boot_us);
         let (bursts, us, fault) = first_fault(&mut rig, 5);
         assert!(bursts <= 2 && us <= 2 * TICK_US, "{bursts} {us}");
         assert_eq!(
             fault,
-            if boot_us == 0 {
-                SensorFault::AllZero
-            } else {
-                SensorFault::Nak
-            },
+            if boot_us == 0 { SensorFault::AllZero } else { SensorFault::Nak },
             "{boot_us}"
         );
         recovers(&mut rig);
@@ -170,10 +147,7 @@ fn a_reset_chip_is_seen_and_set_up_again() {
 fn a_chip_found_in_config_reports_reset_until_it_samples_again() {
     let mut rig = flying(Config::default());
     rig.chip
-        .perform(&Transfer::Write {
-            register: 0x3D,
-            bytes: bno055_driver::Bytes::new([0]),
-        })
+        .perform(&Transfer::Write { register: 0x3D, bytes: bno055_driver::Bytes::new([0]) })
         .unwrap();
     rig.chip.now += 19_000;
     let (bursts, _, fault) = first_fault(&mut rig, 5);
@@ -195,13 +169,12 @@ fn a_chip_found_in_config_reports_reset_until_it_samples_again() {
 #[test]
 fn zeros_with_an_error_are_seen_at_once_and_the_error_once_it_is_read() {
     let mut rig = flying(Config::default());
-    rig.chip
-        .on_wire(|register, bytes| match (register, bytes.len()) {
-            (0x08, 18) => bytes.fill(0),
-            (0x36, 5) => bytes[3..].copy_from_slice(&[1, 1]),
-            (0x39, 2) => bytes.copy_from_slice(&[1, 1]),
-            _ => {}
-        });
+    rig.chip.on_wire(|register, bytes| match (register, bytes.len()) {
+        (0x08, 18) => bytes.fill(0),
+        (0x36, 5) => bytes[3..].copy_from_slice(&[1, 1]),
+        (0x39, 2) => bytes.copy_from_slice(&[1, 1]),
+        _ => {}
+    });
     let (bursts, us, fault) = first_fault(&mut rig, 5);
     assert!(bursts <= 2 && us <= 2 * TICK_US, "{bursts} {us}");
     assert_eq!(fault, SensorFault::AllZero);
@@ -231,10 +204,7 @@ fn zeros_are_a_reset_when_the_mode_says_so_or_when_they_do_not_end() {
         let Next::Transfer(read) = rig.driver.next(Micros(rig.chip.now)) else {
             panic!("the mode is to be read")
         };
-        let mode = Transfer::Read {
-            register: 0x3D,
-            len: 1,
-        };
+        let mode = Transfer::Read { register: 0x3D, len: 1 };
         assert_eq!(read, mode);
         assert!(rig.driver.is_sampling());
         rig.driver.complete(Micros(rig.chip.now), Ok(&[0]));
@@ -300,10 +270,7 @@ fn reverted(config: Config, register: usize, value: u8) {
         rig.chip.pages[0][register] = value;
         let (_, us, fault) = first_fault(&mut rig, 40);
         assert!(us <= 100_000, "{us} us");
-        let Some(SensorFault::Configuration {
-            register: named, ..
-        }) = Some(fault)
-        else {
+        let Some(SensorFault::Configuration { register: named, .. }) = Some(fault) else {
             panic!("{fault:?}")
         };
         assert_eq!(usize::from(named), register);
@@ -313,10 +280,7 @@ fn reverted(config: Config, register: usize, value: u8) {
 
 #[test]
 fn a_reverted_axis_map_is_seen_within_100_ms() {
-    let config = Config {
-        axes: AxisMap::PLACEMENTS[0],
-        ..Config::default()
-    };
+    let config = Config { axes: AxisMap::PLACEMENTS[0], ..Config::default() };
     reverted(config, 0x41, 0x24);
     reverted(config, 0x42, 0x00);
 }
@@ -324,18 +288,8 @@ fn a_reverted_axis_map_is_seen_within_100_ms() {
 #[test]
 fn reverted_units_are_seen_within_100_ms() {
     reverted(Config::default(), 0x3B, 0x80);
-    let units = Units {
-        gyr: bno055_driver::config::GyrUnit::RadianPerSecond,
-        ..Units::default()
-    };
-    reverted(
-        Config {
-            units,
-            ..Config::default()
-        },
-        0x3B,
-        0x00,
-    );
+    let units = Units { gyr: bno055_driver::config::GyrUnit::RadianPerSecond, ..Units::default() };
+    reverted(Config { units, ..Config::default() }, 0x3B, 0x00);
 }
 
 #[test]
@@ -354,8 +308,7 @@ fn a_system_error_while_sampling_is_seen() {
 fn a_wrong_bit_in_a_verification_withholds_no_more_than_a_sample() {
     let mut rig = flying(Config::default());
     let from = rig.ticks.len();
-    rig.chip
-        .on_wire(|register, bytes| bytes[0] ^= u8::from(register == 0x3B));
+    rig.chip.on_wire(|register, bytes| bytes[0] ^= u8::from(register == 0x3B));
     let mismatched = |rig: &Rig| rig.driver.health().mismatched;
     while mismatched(&rig) == 0 {
         rig.turn();
@@ -364,13 +317,7 @@ fn a_wrong_bit_in_a_verification_withholds_no_more_than_a_sample() {
     rig.bursts(20);
     assert_eq!(mismatched(&rig), 1);
     assert_eq!(rig.driver.health().starts, 1, "no set-up for a wrong bit");
-    assert!(
-        rig.ticks[from..]
-            .iter()
-            .filter(|(_, outcome)| outcome.is_err())
-            .count()
-            <= 1
-    );
+    assert!(rig.ticks[from..].iter().filter(|(_, outcome)| outcome.is_err()).count() <= 1);
 }
 
 #[test]
@@ -389,10 +336,7 @@ fn samples_are_withheld_while_a_register_is_in_doubt() {
     while rig.driver.is_sampling() {
         rig.turn();
     }
-    let fault = SensorFault::Configuration {
-        register: 0x3B,
-        found: 2,
-    };
+    let fault = SensorFault::Configuration { register: 0x3B, found: 2 };
     assert_eq!(rig.driver.fault(), Some(fault), "read again, it is told");
 }
 
@@ -404,17 +348,10 @@ fn a_verification_under_way_when_a_burst_fails_is_ignored() {
         panic!("a verification is due")
     };
     while rig.driver.is_sampling() {
-        assert!(
-            rig.driver
-                .sample(Micros(rig.chip.now), Ok(&[0; 18]))
-                .is_err()
-        );
+        assert!(rig.driver.sample(Micros(rig.chip.now), Ok(&[0; 18])).is_err());
     }
     rig.driver.complete(Micros(rig.chip.now), Ok(&[7]));
-    assert_eq!(
-        rig.driver.sample(Micros(rig.chip.now), Ok(&[1; 18])),
-        Err(SensorFault::Reset)
-    );
+    assert_eq!(rig.driver.sample(Micros(rig.chip.now), Ok(&[1; 18])), Err(SensorFault::Reset));
     recovers(&mut rig);
 }
 
@@ -429,15 +366,11 @@ fn missed_ticks_are_counted_and_reported() {
 
 #[test]
 fn fusion_outputs_are_judged_and_verified_too() {
-    let mut rig = Rig::sampling(Config {
-        mode: Mode::Ndof,
-        ..Config::default()
-    });
+    let mut rig = Rig::sampling(Config { mode: Mode::Ndof, ..Config::default() });
     let read = |rig: &mut Rig| {
         let (start, transfer) = (rig.chip.now, rig.driver.fusion_burst());
         let outcome = rig.chip.perform(&transfer);
-        rig.driver
-            .fusion(Micros(start), outcome.as_deref().map_err(|error| *error))
+        rig.driver.fusion(Micros(start), outcome.as_deref().map_err(|error| *error))
     };
     assert_eq!(read(&mut rig).unwrap().quaternion(), [1.0, 0.0, 0.0, 0.0]);
     let Next::Transfer(_) = rig.driver.next(Micros(rig.chip.now)) else {

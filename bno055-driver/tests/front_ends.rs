@@ -73,12 +73,8 @@ macro_rules! both {
     }};
 }
 
-const SAMPLE: [u8; 18] = [
-    1, 0, 2, 0, 0xD5, 3, 64, 1, 0xA6, 0xFF, 128, 2, 5, 0, 8, 0, 0xFE, 0xFF,
-];
-const OTHER: [u8; 18] = [
-    0, 0, 2, 0, 0xD6, 3, 64, 1, 0xA6, 0xFF, 128, 2, 3, 0, 8, 0, 0xFE, 0xFF,
-];
+const SAMPLE: [u8; 18] = [1, 0, 2, 0, 0xD5, 3, 64, 1, 0xA6, 0xFF, 128, 2, 5, 0, 8, 0, 0xFE, 0xFF];
+const OTHER: [u8; 18] = [0, 0, 2, 0, 0xD6, 3, 64, 1, 0xA6, 0xFF, 128, 2, 3, 0, 8, 0, 0xFE, 0xFF];
 
 struct Script(u8, Vec<Transaction>);
 
@@ -88,31 +84,24 @@ impl Script {
     }
 
     fn read(mut self, register: u8, answer: &[u8]) -> Self {
-        self.1.push(Transaction::write_read(
-            self.0,
-            vec![register],
-            answer.to_vec(),
-        ));
+        self.1.push(Transaction::write_read(self.0, vec![register], answer.to_vec()));
         self
     }
 
     fn write(mut self, register: u8, bytes: &[u8]) -> Self {
-        self.1
-            .push(Transaction::write(self.0, [&[register], bytes].concat()));
+        self.1.push(Transaction::write(self.0, [&[register], bytes].concat()));
         self
     }
 
     fn nak(mut self, register: u8, bytes: &[u8]) -> Self {
         let failed = Transaction::write(self.0, [&[register], bytes].concat());
-        self.1
-            .push(failed.with_error(ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address)));
+        self.1.push(failed.with_error(ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address)));
         self
     }
 
     fn nak_burst(mut self) -> Self {
         let failed = Transaction::write_read(self.0, vec![8], vec![0; 18]);
-        self.1
-            .push(failed.with_error(ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address)));
+        self.1.push(failed.with_error(ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address)));
         self
     }
 
@@ -163,10 +152,7 @@ fn start() {
 
 #[test]
 fn start_at_the_other_address_while_the_chip_boots() {
-    let config = Config {
-        address: Address::High,
-        ..Config::default()
-    };
+    let config = Config { address: Address::High, ..Config::default() };
     let script = Script(0x29, Vec::new()).nak(7, &[0]).nak(7, &[0]).set_up();
     both!(config, script.1, |imu, time| [
         assert_eq!(go!(imu.start()), Ok(()));
@@ -216,19 +202,15 @@ fn samples_each_with_one_verification() {
         .read(0x3E, &[0])
         .read(8, &OTHER)
         .read(0x3D, &[7]);
-    both!(
-        Config::default(),
-        script.1,
-        |imu, time| [go!(imu.start()).unwrap(); for _ in 0..4 {
-            let sample = go!(imu.sample()).unwrap();
-            assert_eq!(
-                (sample.acc, sample.mag, sample.gyr),
-                ([1, 2, 981], [320, -90, 640], [5, 8, -2])
-            );
-            assert_eq!(sample.time, Micros(time.0.get()));
-            assert_eq!(go!(imu.sample()).unwrap().gyr, [3, 8, -2]);
-        }]
-    );
+    both!(Config::default(), script.1, |imu, time| [go!(imu.start()).unwrap(); for _ in 0..4 {
+        let sample = go!(imu.sample()).unwrap();
+        assert_eq!(
+            (sample.acc, sample.mag, sample.gyr),
+            ([1, 2, 981], [320, -90, 640], [5, 8, -2])
+        );
+        assert_eq!(sample.time, Micros(time.0.get()));
+        assert_eq!(go!(imu.sample()).unwrap().gyr, [3, 8, -2]);
+    }]);
 }
 
 #[test]
@@ -237,9 +219,7 @@ fn a_lost_chip_is_set_up_again_from_within_sample() {
     // gives the chip up. That call and the following ones set it up again, and the last of them
     // also takes a sample.
     let script = (0..6)
-        .fold(Script::new().set_up(), |script, _| {
-            script.nak_burst().read(0x3D, &[7])
-        })
+        .fold(Script::new().set_up(), |script, _| script.nak_burst().read(0x3D, &[7]))
         .nak_burst()
         .set_up()
         .read(8, &SAMPLE)
@@ -288,11 +268,7 @@ fn temperature_calibration_and_system_status() {
 
 #[test]
 fn profile_soft_iron_and_self_test() {
-    let profile = Profile {
-        acc_offset: [-1, 2, 3],
-        mag_radius: 480,
-        ..Profile::default()
-    };
+    let profile = Profile { acc_offset: [-1, 2, 3], mag_radius: 480, ..Profile::default() };
     let script = Script::new()
         .set_up()
         .until_config()
@@ -322,10 +298,7 @@ fn profile_soft_iron_and_self_test() {
 
 #[test]
 fn another_mode_and_its_fusion_outputs() {
-    let config = Config {
-        mode: Mode::Ndof,
-        ..Config::default()
-    };
+    let config = Config { mode: Mode::Ndof, ..Config::default() };
     let mut outputs = [0; 26];
     outputs[7] = 0x40;
     outputs[24] = 0xD5;
@@ -347,11 +320,7 @@ fn another_mode_and_its_fusion_outputs() {
 
 #[test]
 fn suspend_and_resume() {
-    let script = Script::new()
-        .set_up()
-        .until_config()
-        .write(0x3E, &[2])
-        .set_up();
+    let script = Script::new().set_up().until_config().write(0x3E, &[2]).set_up();
     both!(Config::default(), script.1, |imu, _time| [
         go!(imu.start()).unwrap();
         assert_eq!(go!(imu.suspend()), Ok(()));
@@ -364,19 +333,14 @@ fn suspend_and_resume() {
 #[test]
 fn kinds_of_bus_errors() {
     for (kind, fault) in [
-        (
-            ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data),
-            SensorFault::Nak,
-        ),
+        (ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data), SensorFault::Nak),
         (ErrorKind::ArbitrationLoss, SensorFault::Arbitration),
         (ErrorKind::Bus, SensorFault::Stuck),
         (ErrorKind::Overrun, SensorFault::Protocol),
         (ErrorKind::Other, SensorFault::Timeout),
     ] {
         let mut script = Script::new().set_up();
-        script
-            .1
-            .push(Transaction::write_read(0x28, vec![8], vec![0; 18]).with_error(kind));
+        script.1.push(Transaction::write_read(0x28, vec![8], vec![0; 18]).with_error(kind));
         let script = script.read(0x3D, &[7]);
         both!(Config::default(), script.1, |imu, _time| [
             go!(imu.start()).unwrap();

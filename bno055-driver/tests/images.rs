@@ -67,13 +67,7 @@ fn one_million_random_images_decode() {
     // Drivers that sample, one for each mode, renewed when an image has thrown them out.
     let sampling: Vec<Driver> = MODES
         .iter()
-        .map(|&mode| {
-            fake::Rig::sampling(Config {
-                mode,
-                ..Config::default()
-            })
-            .driver
-        })
+        .map(|&mode| fake::Rig::sampling(Config { mode, ..Config::default() }).driver)
         .collect();
     let mut drivers = sampling.clone();
     let mut image = [0; 128];
@@ -85,11 +79,8 @@ fn one_million_random_images_decode() {
         let now = Micros(10_000_000 + round * 10_000);
         let expected = driver.burst().answer_len();
         // One in eight has a wrong length.
-        let len = if random.next().is_multiple_of(8) {
-            random.next() as usize % 33
-        } else {
-            expected
-        };
+        let len =
+            if random.next().is_multiple_of(8) { random.next() as usize % 33 } else { expected };
         let outcome = driver.sample(now, Ok(&image[8..8 + len]));
         let rates = driver.rates_burst().is_some().then_some(6);
         assert!(outcome.is_err() || len == expected || Some(len) == rates);
@@ -100,12 +91,7 @@ fn one_million_random_images_decode() {
         }
         let fusion: Result<FusionSample, _> = driver.fusion(now, Ok(&image[0x1A..0x34]));
         if let Ok(fusion) = fusion {
-            let norm: f32 = fusion
-                .quaternion()
-                .iter()
-                .map(|q| q * q)
-                .sum::<f32>()
-                .sqrt();
+            let norm: f32 = fusion.quaternion().iter().map(|q| q * q).sum::<f32>().sqrt();
             assert!((0.949..1.051).contains(&norm));
         }
         assert!(Profile::from_bytes(&image).is_err());
@@ -150,11 +136,7 @@ fn random_answers_never_stop_the_driver() {
                     driver.complete(now, outcome);
                 }
                 Next::Wait(until) => {
-                    assert!(
-                        until > now && until.since(now) <= 1_000_000,
-                        "{:?}",
-                        until.since(now)
-                    );
+                    assert!(until > now && until.since(now) <= 1_000_000, "{:?}", until.since(now));
                     now = until;
                 }
                 Next::Sample => {

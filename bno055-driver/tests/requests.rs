@@ -19,11 +19,7 @@ const PROFILE: Profile = Profile {
 
 #[test]
 fn requests_in_config_mode_are_answered_and_sampling_resumes() {
-    let config = Config {
-        mode: Mode::Ndof,
-        profile: Some(PROFILE),
-        ..Config::default()
-    };
+    let config = Config { mode: Mode::Ndof, profile: Some(PROFILE), ..Config::default() };
     let mut rig = Rig::sampling(config);
     let ask = |rig: &mut Rig, request| {
         rig.driver.request(request);
@@ -34,14 +30,8 @@ fn requests_in_config_mode_are_answered_and_sampling_resumes() {
         assert!(rig.chip.holds(&config));
         answer
     };
-    assert_eq!(
-        ask(&mut rig, Request::Profile),
-        Some(Answer::Profile(PROFILE))
-    );
-    assert_eq!(
-        ask(&mut rig, Request::SoftIron),
-        Some(Answer::SoftIron(SoftIron::IDENTITY))
-    );
+    assert_eq!(ask(&mut rig, Request::Profile), Some(Answer::Profile(PROFILE)));
+    assert_eq!(ask(&mut rig, Request::SoftIron), Some(Answer::SoftIron(SoftIron::IDENTITY)));
     let before = rig.chip.now;
     let Some(Answer::SelfTest(result)) = ask(&mut rig, Request::SelfTest) else {
         panic!("no result")
@@ -49,10 +39,7 @@ fn requests_in_config_mode_are_answered_and_sampling_resumes() {
     assert!(result.passed() && result.acc() && result.mag() && result.gyr() && result.controller());
     assert_eq!(result.error, SystemError::None);
     assert!(rig.chip.now - before > 400_000);
-    let start = Transfer::Write {
-        register: 0x3F,
-        bytes: Bytes::new([0x01]),
-    };
+    let start = Transfer::Write { register: 0x3F, bytes: Bytes::new([0x01]) };
     assert!(rig.chip.log.contains(&start));
 }
 
@@ -65,13 +52,8 @@ fn requests_between_samples_do_not_disturb_them() {
     assert_eq!(rig.driver.answer(), Some(Answer::Temperature(25)));
     rig.driver.request(Request::CalibrationStatus);
     rig.turn();
-    let Some(Answer::CalibrationStatus(status)) = rig.driver.answer() else {
-        panic!("no status")
-    };
-    assert_eq!(
-        (status.system, status.gyr, status.acc, status.mag),
-        (3, 2, 1, 0)
-    );
+    let Some(Answer::CalibrationStatus(status)) = rig.driver.answer() else { panic!("no status") };
+    assert_eq!((status.system, status.gyr, status.acc, status.mag), (3, 2, 1, 0));
     assert!(rig.driver.is_sampling());
     assert!(rig.bursts(20).iter().all(Result::is_ok));
 }
@@ -91,8 +73,7 @@ fn on_the_wire(request: Request) -> (Rig, Transfer) {
 fn arrive(rig: &mut Rig, transfer: &Transfer) {
     let outcome = rig.chip.perform(transfer);
     let now = Micros(rig.chip.now);
-    rig.driver
-        .complete(now, outcome.as_deref().map_err(|error| *error));
+    rig.driver.complete(now, outcome.as_deref().map_err(|error| *error));
 }
 
 #[test]
@@ -123,8 +104,7 @@ fn a_lost_answer_that_nobody_waits_for_still_counts_as_a_bus_error() {
     let (mut rig, _) = on_the_wire(Request::Temperature);
     let naks = rig.driver.health().nak;
     rig.driver.cancel();
-    rig.driver
-        .complete(Micros(rig.chip.now), Err(BusError::Nak));
+    rig.driver.complete(Micros(rig.chip.now), Err(BusError::Nak));
     assert_eq!(rig.driver.health().nak, naks + 1);
     assert_eq!(rig.driver.fault(), Some(SensorFault::Nak));
     assert!(rig.bursts(1)[0].is_ok());

@@ -27,21 +27,13 @@ fn read(register: u8, len: u8) -> Transfer {
 }
 
 fn write<const N: usize>(register: u8, bytes: [u8; N]) -> Transfer {
-    Transfer::Write {
-        register,
-        bytes: Bytes::new(bytes),
-    }
+    Transfer::Write { register, bytes: Bytes::new(bytes) }
 }
 
 /// The transfers of a set-up, without the calls that nobody answered.
 fn answered(rig: &Rig) -> Vec<Transfer> {
     let call = write(0x07, [0]);
-    let calls = rig
-        .chip
-        .log
-        .iter()
-        .take_while(|transfer| **transfer == call)
-        .count();
+    let calls = rig.chip.log.iter().take_while(|transfer| **transfer == call).count();
     rig.chip.log[calls - 1..].to_vec()
 }
 
@@ -49,11 +41,7 @@ fn answered(rig: &Rig) -> Vec<Transfer> {
 fn set_up_is_exactly_this() {
     let rig = Rig::sampling(Config::default());
     let mut log = answered(&rig);
-    let bursts = log
-        .iter()
-        .rev()
-        .take_while(|transfer| **transfer == read(0x08, 18))
-        .count();
+    let bursts = log.iter().rev().take_while(|transfer| **transfer == read(0x08, 18)).count();
     assert!(bursts >= 2, "two fresh bursts before sampling");
     log.truncate(log.len() - bursts);
     assert_eq!(
@@ -94,20 +82,10 @@ fn set_up_is_exactly_this() {
 fn every_setting_reaches_the_chip() {
     let config = Config {
         mode: Mode::Ndof,
-        sensors: Sensors {
-            acc_range: AccRange::G4,
-            ..Sensors::default()
-        },
-        units: Units {
-            acc: bno055_driver::config::AccUnit::MilliG,
-            ..Units::default()
-        },
-        axes: AxisMap::new(
-            Signed::plus(Axis::Y),
-            Signed::minus(Axis::X),
-            Signed::plus(Axis::Z),
-        )
-        .unwrap(),
+        sensors: Sensors { acc_range: AccRange::G4, ..Sensors::default() },
+        units: Units { acc: bno055_driver::config::AccUnit::MilliG, ..Units::default() },
+        axes: AxisMap::new(Signed::plus(Axis::Y), Signed::minus(Axis::X), Signed::plus(Axis::Z))
+            .unwrap(),
         power: bno055_driver::config::Power::Low,
         external_crystal: true,
         profile: Some(PROFILE),
@@ -117,10 +95,7 @@ fn every_setting_reaches_the_chip() {
     let rig = Rig::sampling(config);
     assert!(rig.chip.holds(&config));
     let log = answered(&rig);
-    let clock = log
-        .iter()
-        .position(|transfer| *transfer == write(0x3F, [0x80]))
-        .unwrap();
+    let clock = log.iter().position(|transfer| *transfer == write(0x3F, [0x80])).unwrap();
     assert_eq!(log[clock - 1], read(0x38, 1), "clock free to be changed");
     assert_eq!(log[clock + 1], read(0x38, 1), "clock settled");
     assert!(log[clock + 2..].contains(&write(0x3D, [0x0C])));
@@ -198,9 +173,7 @@ fn a_chip_that_boots_slowly_is_no_fault_until_it_is_late() {
         }
     }
     assert_eq!(calls, 92, "polled every 20 ms");
-    let Next::Transfer(_) = driver.next(now) else {
-        panic!("goes on trying")
-    };
+    let Next::Transfer(_) = driver.next(now) else { panic!("goes on trying") };
     driver.complete(now, Err(BusError::Nak));
     assert_eq!(driver.fault(), Some(SensorFault::Nak));
     assert!(!driver.is_sampling());
@@ -217,10 +190,7 @@ fn wrong_identity_is_retried_and_then_named() {
     rig.run_for(BOOT_DEADLINE_US - 100_000);
     assert_eq!(rig.driver.fault(), Some(SensorFault::Booting));
     rig.run_for(200_000);
-    assert_eq!(
-        rig.driver.fault(),
-        Some(SensorFault::WrongChip { found: 0x55 })
-    );
+    assert_eq!(rig.driver.fault(), Some(SensorFault::WrongChip { found: 0x55 }));
     rig.chip.wire = None;
     rig.run_until_sampling(200_000);
 }
@@ -230,17 +200,8 @@ fn a_dead_gyroscope_is_named() {
     let mut rig = Rig::new(Config::default());
     rig.chip.pages[0][3] = 0;
     rig.run_for(BOOT_DEADLINE_US + 100_000);
-    assert_eq!(
-        rig.driver.fault(),
-        Some(SensorFault::DeadSensor {
-            sensor: 3,
-            found: 0
-        })
-    );
-    assert_eq!(
-        rig.driver.fault().unwrap().to_string(),
-        "IMU gyroscope dead: id 0x00"
-    );
+    assert_eq!(rig.driver.fault(), Some(SensorFault::DeadSensor { sensor: 3, found: 0 }));
+    assert_eq!(rig.driver.fault().unwrap().to_string(), "IMU gyroscope dead: id 0x00");
 }
 
 #[test]
@@ -248,19 +209,11 @@ fn self_test_and_system_error_are_named() {
     let mut rig = Rig::new(Config::default());
     rig.chip.pages[0][0x36] = 0x0B;
     rig.run_for(BOOT_US + 200_000);
-    assert_eq!(
-        rig.driver.fault(),
-        Some(SensorFault::SelfTest { result: 0x0B })
-    );
+    assert_eq!(rig.driver.fault(), Some(SensorFault::SelfTest { result: 0x0B }));
     rig.chip.pages[0][0x36] = 0x0F;
     rig.chip.pages[0][0x39..0x3B].copy_from_slice(&[1, 9]);
     rig.run_for(1_000_000);
-    assert_eq!(
-        rig.driver.fault(),
-        Some(SensorFault::System {
-            error: SystemError::Fusion.code()
-        })
-    );
+    assert_eq!(rig.driver.fault(), Some(SensorFault::System { error: SystemError::Fusion.code() }));
     rig.chip.pages[0][0x39] = 0;
     rig.run_until_sampling(1_000_000);
 }
@@ -293,10 +246,7 @@ fn each_register_that_does_not_hold_is_named() {
             }
         });
         rig.run_for(BOOT_US + 200_000);
-        let Some(SensorFault::Configuration {
-            register: named, ..
-        }) = rig.driver.fault()
-        else {
+        let Some(SensorFault::Configuration { register: named, .. }) = rig.driver.fault() else {
             panic!("register {register:#x}: {:?}", rig.driver.fault());
         };
         assert_eq!(named, register);
@@ -309,20 +259,11 @@ fn each_register_that_does_not_hold_is_named() {
 
 #[test]
 fn a_profile_out_of_range_is_never_written() {
-    let profile = Profile {
-        mag_offset: [0, 0, 0x218C],
-        ..PROFILE
-    };
-    let mut rig = Rig::new(Config {
-        mode: Mode::Ndof,
-        profile: Some(profile),
-        ..Config::default()
-    });
+    let profile = Profile { mag_offset: [0, 0, 0x218C], ..PROFILE };
+    let mut rig =
+        Rig::new(Config { mode: Mode::Ndof, profile: Some(profile), ..Config::default() });
     rig.run_for(BOOT_US + 200_000);
-    assert_eq!(
-        rig.driver.fault(),
-        Some(SensorFault::Profile { register: 0x5F })
-    );
+    assert_eq!(rig.driver.fault(), Some(SensorFault::Profile { register: 0x5F }));
     assert!(
         rig.chip
             .log
@@ -333,10 +274,7 @@ fn a_profile_out_of_range_is_never_written() {
 
 #[test]
 fn a_crystal_that_does_not_start_is_named() {
-    let mut rig = Rig::new(Config {
-        external_crystal: true,
-        ..Config::default()
-    });
+    let mut rig = Rig::new(Config { external_crystal: true, ..Config::default() });
     rig.chip.crystal = false;
     rig.run_for(BOOT_US + 1_500_000);
     assert_eq!(rig.driver.fault(), Some(SensorFault::Clock));
@@ -361,20 +299,11 @@ fn the_chip_is_never_reset_unless_allowed() {
     assert!(!rig.chip.log.contains(&reset));
 
     let limit = NonZeroU8::new(3).unwrap();
-    let mut rig = Rig::new(Config {
-        reset: ResetPolicy::AfterFailures(limit),
-        ..Config::default()
-    });
+    let mut rig =
+        Rig::new(Config { reset: ResetPolicy::AfterFailures(limit), ..Config::default() });
     rig.chip.pages[0][0x36] = 0;
     rig.run_for(BOOT_US + 500_000);
-    assert_eq!(
-        rig.chip
-            .log
-            .iter()
-            .filter(|transfer| **transfer == reset)
-            .count(),
-        1
-    );
+    assert_eq!(rig.chip.log.iter().filter(|transfer| **transfer == reset).count(), 1);
     rig.run_until_sampling(1_000_000);
     assert!(rig.chip.holds(rig.driver.config()), "the reset mended it");
 }
@@ -384,11 +313,7 @@ fn stuck_zero_or_frozen_data_never_start_sampling() {
     let mut rig = Rig::new(Config::default());
     rig.chip.frozen = true;
     rig.run_for(BOOT_US + 1_500_000);
-    assert_eq!(
-        rig.driver.fault(),
-        Some(SensorFault::AllZero),
-        "outputs stay zero"
-    );
+    assert_eq!(rig.driver.fault(), Some(SensorFault::AllZero), "outputs stay zero");
 
     let mut rig = Rig::sampling(Config::default());
     rig.chip.frozen = true;
@@ -407,10 +332,7 @@ fn suspend_and_resume() {
     rig.driver.suspend();
     rig.run_for(200_000);
     assert_eq!(rig.driver.fault(), Some(SensorFault::Suspended));
-    assert_eq!(
-        rig.driver.next(Micros(rig.chip.now)),
-        Next::Wait(Micros(u64::MAX))
-    );
+    assert_eq!(rig.driver.next(Micros(rig.chip.now)), Next::Wait(Micros(u64::MAX)));
     assert_eq!((rig.chip.mode(), rig.chip.pages[0][0x3E]), (0, 2));
     rig.driver.resume();
     rig.run_until_sampling(300_000);
@@ -420,11 +342,7 @@ fn suspend_and_resume() {
 #[test]
 fn reconfigure_changes_everything() {
     let mut rig = Rig::sampling(Config::default());
-    let config = Config {
-        mode: Mode::Imu,
-        axes: AxisMap::PLACEMENTS[0],
-        ..Config::default()
-    };
+    let config = Config { mode: Mode::Imu, axes: AxisMap::PLACEMENTS[0], ..Config::default() };
     rig.driver.reconfigure(config);
     rig.run_until_sampling(300_000);
     // The chip chooses the sensors' settings in fusion modes: the driver leaves them as written.
@@ -438,31 +356,21 @@ fn a_warm_chip_samples_within_120_ms() {
     let restart = rig.chip.now;
     rig.driver = Driver::new(Config::default());
     rig.run_until_sampling(1_000_000);
-    assert!(
-        rig.chip.now - restart < 120_000,
-        "{} us",
-        rig.chip.now - restart
-    );
+    assert!(rig.chip.now - restart < 120_000, "{} us", rig.chip.now - restart);
 }
 
 /// Both addresses are tried in turn until a chip answers, where the configuration allows it.
 #[test]
 fn a_chip_at_the_other_address_is_found_where_that_is_allowed() {
     for either_address in [true, false] {
-        let mut rig = Rig::new(Config {
-            either_address,
-            ..Config::default()
-        });
+        let mut rig = Rig::new(Config { either_address, ..Config::default() });
         let mut tried = Vec::new();
         while rig.chip.now < 100_000 {
             rig.turn();
             tried.push(rig.driver.config().address);
         }
         let other = tried.contains(&Address::High);
-        assert_eq!(
-            (other, tried.contains(&Address::Low)),
-            (either_address, true)
-        );
+        assert_eq!((other, tried.contains(&Address::Low)), (either_address, true));
         rig.run_until_sampling(2_000_000);
         let found = rig.driver.config().address;
         rig.run_for(100_000);
@@ -485,10 +393,7 @@ fn a_register_that_reads_back_late_is_waited_for() {
         });
         rig.run_for(1_500_000);
         let failed = rig.driver.health().failed_setups > 0;
-        assert_eq!(
-            (failed, rig.driver.is_sampling()),
-            (set_up_anew, !set_up_anew)
-        );
+        assert_eq!((failed, rig.driver.is_sampling()), (set_up_anew, !set_up_anew));
     }
 }
 
@@ -496,10 +401,7 @@ fn a_register_that_reads_back_late_is_waited_for() {
 #[test]
 fn a_dead_magnetometer_is_a_fault_only_where_it_is_needed() {
     for needs_mag in [true, false] {
-        let mut rig = Rig::new(Config {
-            needs_mag,
-            ..Config::default()
-        });
+        let mut rig = Rig::new(Config { needs_mag, ..Config::default() });
         rig.chip.on_wire(|register, bytes| match register {
             registers::CHIP_ID => bytes[usize::from(registers::MAG_ID)] = 0xFF,
             registers::ST_RESULT => bytes[0] = 0x0D,

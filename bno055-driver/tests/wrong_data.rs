@@ -29,15 +29,7 @@ fn samples_are_the_chips_words_with_their_time() {
                 let outcome = chip.perform(&driver.burst());
                 let (acc, mag, gyr) = chip.truth();
                 let sample = driver.sample(time, outcome.as_deref().map_err(|error| *error));
-                assert_eq!(
-                    sample.map(|sample| sample.raw),
-                    Ok(RawSample {
-                        time,
-                        acc,
-                        mag,
-                        gyr
-                    })
-                );
+                assert_eq!(sample.map(|sample| sample.raw), Ok(RawSample { time, acc, mag, gyr }));
                 chip.now += 5_000;
                 taken += 1;
             }
@@ -49,18 +41,11 @@ fn samples_are_the_chips_words_with_their_time() {
 fn a_clean_hour_of_samples_has_no_fault() {
     let mut rig = Rig::sampling(Config::default());
     let outcomes = rig.bursts(360_000);
-    let bad: Vec<_> = outcomes
-        .iter()
-        .filter_map(|outcome| outcome.err())
-        .collect();
+    let bad: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.err()).collect();
     assert_eq!(bad, []);
     let health = rig.driver.health();
     // The chip refreshes 0.3 % more slowly than the ticks come.
-    assert!(
-        (355_000..359_500).contains(&health.fresh),
-        "{}",
-        health.fresh
-    );
+    assert!((355_000..359_500).contains(&health.fresh), "{}", health.fresh);
     assert_eq!(health.good, 360_000);
     assert_eq!(health.verified, 359_999);
 }
@@ -69,36 +54,21 @@ fn a_clean_hour_of_samples_has_no_fault() {
 fn spikes_never_come_out() {
     let mut rig = flying(Config::default());
     // Bits that no motion within the sensors' ranges of 8 g and 2000 deg/s moves at once.
-    let spikes = [
-        (0, 13),
-        (0, 14),
-        (0, 15),
-        (6, 12),
-        (6, 13),
-        (6, 14),
-        (6, 15),
-    ];
+    let spikes = [(0, 13), (0, 14), (0, 15), (6, 12), (6, 13), (6, 14), (6, 15)];
     for (first, bit) in spikes {
         for word in first..first + 3 {
-            let bytes = rig
-                .chip
-                .burst_with(|words| words[word] ^= (1_u16 << bit) as i16);
+            let bytes = rig.chip.burst_with(|words| words[word] ^= (1_u16 << bit) as i16);
             let truth = rig.chip.truth();
             let outcome = rig.driver.sample(Micros(rig.chip.now), Ok(&bytes));
             match outcome {
                 Ok(sample) => {
                     let rates = sample.raw.gyr.iter().zip(truth.2);
-                    let held = rates
-                        .clone()
-                        .all(|(rate, truth)| rate.abs_diff(truth) < 4_000);
+                    let held = rates.clone().all(|(rate, truth)| rate.abs_diff(truth) < 4_000);
                     assert!(first == 6 && held, "word {word} bit {bit}: {outcome:?}");
                 }
                 Err(fault) => assert_eq!(fault, SensorFault::Implausible),
             }
-            assert!(
-                rig.bursts(20).iter().all(Result::is_ok),
-                "the next samples are good again"
-            );
+            assert!(rig.bursts(20).iter().all(Result::is_ok), "the next samples are good again");
         }
     }
     assert_eq!(rig.driver.health().starts, 1);
@@ -125,11 +95,7 @@ fn words_of_ones_in_every_burst_are_not_believed() {
             })
             .collect();
         assert_eq!(outcomes.iter().all(Result::is_ok), believed, "{every}");
-        let rates: Vec<_> = outcomes
-            .iter()
-            .flatten()
-            .map(|sample| sample.raw.gyr[1])
-            .collect();
+        let rates: Vec<_> = outcomes.iter().flatten().map(|sample| sample.raw.gyr[1]).collect();
         assert!(!rates.contains(&-1), "the rates before are held");
     }
 }
@@ -172,9 +138,7 @@ fn a_bus_that_is_mostly_wrong_is_not_believed_when_it_seems_right() {
             .collect::<Vec<_>>()
     };
     let mostly = verdicts(|tick| tick % 3 != 0);
-    let ends = mostly
-        .iter()
-        .position(|fault| *fault == Some(SensorFault::Unreliable));
+    let ends = mostly.iter().position(|fault| *fault == Some(SensorFault::Unreliable));
     assert_eq!(ends, Some(4), "{mostly:?}");
     assert!(mostly[4..].iter().all(Option::is_some));
     let seldom = verdicts(|tick| tick % 5 == 0);
@@ -188,10 +152,7 @@ fn a_bus_that_is_mostly_wrong_is_not_believed_when_it_seems_right() {
 #[test]
 fn what_comes_out_of_a_bad_cable_is_the_chips_own_to_within_what_a_motion_may_be() {
     let mut rig = flying(Config {
-        sensors: Sensors {
-            gyr_range: GyrRange::Dps1000,
-            ..Sensors::default()
-        },
+        sensors: Sensors { gyr_range: GyrRange::Dps1000, ..Sensors::default() },
         ..Config::default()
     });
     let mut random = 1_u64;
@@ -210,11 +171,7 @@ fn what_comes_out_of_a_bad_cable_is_the_chips_own_to_within_what_a_motion_may_be
         let start = rig.chip.now;
         let mut bytes = rig.chip.perform(&rig.driver.burst()).unwrap();
         let truth = rig.chip.truth();
-        on_end = if on_end < 2 && dice(10) == 0 {
-            on_end + 1
-        } else {
-            0
-        };
+        on_end = if on_end < 2 && dice(10) == 0 { on_end + 1 } else { 0 };
         if on_end > 0 {
             spoilt += 1;
             let word = dice(9) as usize;
@@ -253,10 +210,7 @@ fn rates_of_ones_are_none_behind_a_lost_burst() {
     let whole = rig.driver.burst().answer_len();
     for lost in [Ok(&[0xFF; 18][..whole]), Err(BusError::Nak)] {
         assert!(rig.driver.sample(now, lost).is_err());
-        assert!(
-            rig.driver.rates_burst().is_some(),
-            "the next pulse needs one"
-        );
+        assert!(rig.driver.rates_burst().is_some(), "the next pulse needs one");
         let ones = rig.driver.sample(now, Ok(&[0xFF; 6]));
         assert_eq!(ones, Err(SensorFault::AllOnes));
         assert!(rig.bursts(1).iter().all(Result::is_ok));
@@ -298,8 +252,7 @@ fn verifications(rig: &mut Rig, bursts: usize) -> Vec<(u8, u8)> {
                 panic!("a verification is due")
             };
             let bytes = rig.chip.perform(&transfer);
-            rig.driver
-                .complete(Micros(rig.chip.now), bytes.as_deref().map_err(|e| *e));
+            rig.driver.complete(Micros(rig.chip.now), bytes.as_deref().map_err(|e| *e));
             rig.chip.now += TICK_US;
             let burst = rig.chip.burst_with(|_| ());
             assert!(rig.driver.sample(Micros(rig.chip.now), Ok(&burst)).is_ok());
@@ -341,10 +294,7 @@ fn an_identity_that_reads_wrong_is_read_again() {
 /// A dead magnetometer that the configuration does without is no reason to doubt the bus.
 #[test]
 fn an_identity_without_a_magnetometer_is_right() {
-    let mut rig = flying(Config {
-        needs_mag: false,
-        ..Config::default()
-    });
+    let mut rig = flying(Config { needs_mag: false, ..Config::default() });
     rig.chip.pages[0][2] = 0;
     let bytes = rig.chip.burst_with(|words| words[2] = i16::MIN);
     let outcome = rig.driver.sample(Micros(rig.chip.now), Ok(&bytes));
@@ -378,16 +328,10 @@ fn words_of_ones_between_both_sides_are_motion() {
 fn an_identity_that_is_not_read_gives_way() {
     let mut rig = in_doubt();
     let verification = rig.driver.next(Micros(rig.chip.now));
-    assert!(matches!(
-        verification,
-        Next::Transfer(Transfer::Read { len: 4, .. })
-    ));
+    assert!(matches!(verification, Next::Transfer(Transfer::Read { len: 4, .. })));
     rig.chip.now += TICK_US;
     let bytes = rig.chip.burst_with(|_| ());
     assert!(rig.driver.sample(Micros(rig.chip.now), Ok(&bytes)).is_ok());
     let next = rig.driver.next(Micros(rig.chip.now));
-    assert!(matches!(
-        next,
-        Next::Transfer(Transfer::Read { len: 1, .. })
-    ));
+    assert!(matches!(next, Next::Transfer(Transfer::Read { len: 1, .. })));
 }

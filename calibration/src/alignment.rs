@@ -36,8 +36,7 @@ pub fn gyro_by(turns: impl Iterator<Item = Turn>) -> Option<Matrix3<f64>> {
         // change = cross * M * angle; M by columns is a vector of nine.
         let mut rows = SMatrix::<f64, 3, 9>::zeros();
         for (column, angle) in turn.angle.iter().enumerate() {
-            rows.fixed_columns_mut::<3>(3 * column)
-                .copy_from(&(cross * *angle));
+            rows.fixed_columns_mut::<3>(3 * column).copy_from(&(cross * *angle));
         }
         normal += rows.transpose() * rows;
         right += rows.transpose() * change;
@@ -67,11 +66,7 @@ mod tests {
                 let before = direction;
                 // A body that turns by `angle` sees the world turn back.
                 direction = Rotation3::new(-angle) * direction;
-                Turn {
-                    before,
-                    after: direction,
-                    angle: wrong * angle,
-                }
+                Turn { before, after: direction, angle: wrong * angle }
             })
             .collect()
     }

@@ -24,10 +24,7 @@ impl Coverage {
         let cell = |share: f64, of: usize| ((share * of as f64) as usize).min(of - 1);
         let band = cell((direction.z / norm + 1.0) / 2.0, BANDS);
         let turn = libm::atan2(direction.y, direction.x) / std::f64::consts::TAU + 0.5;
-        let count = self
-            .counts
-            .get_mut(band)
-            .and_then(|band| band.get_mut(cell(turn, AROUND)));
+        let count = self.counts.get_mut(band).and_then(|band| band.get_mut(cell(turn, AROUND)));
         if let Some(count) = count {
             *count = count.saturating_add(1);
         }

@@ -117,9 +117,7 @@ pub enum EllipsoidError {
 /// [`EllipsoidError`], where the readings do not determine them.
 pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
     if readings.len() < FEWEST {
-        return Err(EllipsoidError::Few {
-            count: readings.len(),
-        });
+        return Err(EllipsoidError::Few { count: readings.len() });
     }
     // A reading far from all others would bend the first fit.
     let (mean, deviation_ut) = spread(readings.iter()).ok_or(EllipsoidError::NoEllipsoid)?;
@@ -132,9 +130,7 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
             seen.add(&(reading - middle));
         }
         if seen.share() < LEAST_COVERAGE {
-            EllipsoidError::Coverage {
-                share: seen.share(),
-            }
+            EllipsoidError::Coverage { share: seen.share() }
         } else {
             why
         }
@@ -156,14 +152,10 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
         coverage.add(&correction.apply(reading));
     }
     if coverage.share() < LEAST_COVERAGE {
-        return Err(EllipsoidError::Coverage {
-            share: coverage.share(),
-        });
+        return Err(EllipsoidError::Coverage { share: coverage.share() });
     }
     if residual > LARGEST_RESIDUAL * strength {
-        return Err(EllipsoidError::Residual {
-            share: residual / strength,
-        });
+        return Err(EllipsoidError::Residual { share: residual / strength });
     }
     let axes = correction.matrix.symmetric_eigenvalues();
     let ratio = axes.max() / axes.min();
@@ -192,10 +184,7 @@ pub fn align<'a>(
     pairs: impl Iterator<Item = &'a (Vector3<f64>, Vector3<f64>)> + Clone,
 ) -> Option<(Correction, f64, f64)> {
     let mut rotation = Rotation3::identity();
-    let mut sine = pairs
-        .clone()
-        .map(|pair| dip_sine(&rotation, pair))
-        .sum::<f64>()
+    let mut sine = pairs.clone().map(|pair| dip_sine(&rotation, pair)).sum::<f64>()
         / pairs.clone().count().max(1) as f64;
     for _ in 0..ROUNDS {
         // (t x f) . up = t . (f x up): the change of each pair's sine with a small turn t.
@@ -212,16 +201,12 @@ pub fn align<'a>(
         sine += step.w;
     }
     let count = pairs.clone().count() as f64;
-    let squares: f64 = pairs
-        .map(|pair| dip_sine(&rotation, pair) - sine)
-        .map(|off| off * off)
-        .sum();
+    let squares: f64 =
+        pairs.map(|pair| dip_sine(&rotation, pair) - sine).map(|off| off * off).sum();
     let dip = libm::asin(sine.clamp(-1.0, 1.0));
     let deviation = libm::sqrt(squares / count) / libm::cos(dip).max(0.1);
-    let turned = Correction {
-        offset: correction.offset,
-        matrix: rotation.matrix() * correction.matrix,
-    };
+    let turned =
+        Correction { offset: correction.offset, matrix: rotation.matrix() * correction.matrix };
     // Soft iron makes a small rotation only: a large one means that the equations have no solution.
     (deviation.is_finite() && rotation.angle() < 0.5).then_some((turned, dip, deviation))
 }
@@ -285,10 +270,7 @@ fn sphere(
     // strength.
     let root = eigen.eigenvectors * roots * eigen.eigenvectors.transpose();
     let radius = 1.0 / libm::cbrt(root.determinant());
-    let correction = Correction {
-        offset: middle + centre * size,
-        matrix: root * radius,
-    };
+    let correction = Correction { offset: middle + centre * size, matrix: root * radius };
     Some((correction, radius * size))
 }
 
@@ -314,17 +296,7 @@ mod tests {
     const HARD: Vector3<f64> = Vector3::new(40.0, -40.0, 30.0);
 
     fn soft(skew: f64) -> Matrix3<f64> {
-        Matrix3::new(
-            1.1,
-            0.1,
-            -0.05,
-            0.1 - skew,
-            0.9,
-            0.08,
-            -0.05,
-            0.08 + skew,
-            1.05,
-        )
+        Matrix3::new(1.1, 0.1, -0.05, 0.1 - skew, 0.9, 0.08, -0.05, 0.08 + skew, 1.05)
     }
 
     /// Attitudes all round, and what a sensor with these errors reads of gravity and field.
@@ -360,23 +332,14 @@ mod tests {
     fn gravity_finds_the_rotation_of_one_that_is_not() {
         let turned = turned(0.2);
         let ellipsoid = fit(&readings(&turned)).unwrap();
-        let pairs: Vec<_> = turned
-            .iter()
-            .map(|(up, m)| (*up, ellipsoid.correction.apply(m)))
-            .collect();
+        let pairs: Vec<_> =
+            turned.iter().map(|(up, m)| (*up, ellipsoid.correction.apply(m))).collect();
         let (correction, dip, deviation) = align(&ellipsoid.correction, pairs.iter()).unwrap();
-        assert!(
-            (dip.to_degrees() - 70.0).abs() < 1e-4,
-            "{}",
-            dip.to_degrees()
-        );
+        assert!((dip.to_degrees() - 70.0).abs() < 1e-4, "{}", dip.to_degrees());
         assert!(deviation < 1e-6);
         let through = correction.matrix * soft(0.2);
         let scale = libm::cbrt(soft(0.2).determinant());
-        assert!(
-            (through / scale - Matrix3::identity()).norm() < 1e-5,
-            "{through}"
-        );
+        assert!((through / scale - Matrix3::identity()).norm() < 1e-5, "{through}");
     }
 
     #[test]
@@ -409,15 +372,9 @@ mod tests {
                 m + Vector3::new([12.0, -12.0, 0.0][i % 3], [0.0, 11.0, -11.0][i % 3], 0.0)
             })
             .collect();
-        assert!(
-            why(&shaken).contains("off any ellipsoid"),
-            "{}",
-            why(&shaken)
-        );
-        let long: Vec<_> = all
-            .iter()
-            .map(|m| (m - HARD).component_mul(&Vector3::new(4.0, 1.0, 1.0)))
-            .collect();
+        assert!(why(&shaken).contains("off any ellipsoid"), "{}", why(&shaken));
+        let long: Vec<_> =
+            all.iter().map(|m| (m - HARD).component_mul(&Vector3::new(4.0, 1.0, 1.0))).collect();
         assert!(why(&long).contains("stronger one way"), "{}", why(&long));
     }
 }

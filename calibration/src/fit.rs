@@ -73,14 +73,12 @@ impl Found {
 
     /// Correction of the accelerometer.
     pub fn acc(&self) -> Correction {
-        self.poses
-            .map_or(Correction::NONE, |poses| poses.correction)
+        self.poses.map_or(Correction::NONE, |poses| poses.correction)
     }
 
     /// Correction of the magnetometer.
     pub fn mag(&self) -> Correction {
-        self.ellipsoid
-            .map_or(Correction::NONE, |ellipsoid| ellipsoid.correction)
+        self.ellipsoid.map_or(Correction::NONE, |ellipsoid| ellipsoid.correction)
     }
 }
 
@@ -138,9 +136,7 @@ fn level_rest(
             ),
         ),
         (None, Some(from_s)) => (
-            rests
-                .iter()
-                .rfind(|range| samples[range.start].time_s >= from_s),
+            rests.iter().rfind(|range| samples[range.start].time_s >= from_s),
             "the body did not rest when it was to stand level".to_owned(),
         ),
         (None, None) => return None,
@@ -203,10 +199,7 @@ fn check_polarity(found: &mut Found, readings: &Readings, gravity: f64) {
         let field = |m: &Sample| Some(mag.apply(&m.mag).normalize());
         found.by_field = polarity(&turns(&readings.samples, &readings.fresh, &gyr, field));
     }
-    for (what, matrix) in [
-        ("accelerometer", found.by_gravity),
-        ("magnetometer", found.by_field),
-    ] {
+    for (what, matrix) in [("accelerometer", found.by_gravity), ("magnetometer", found.by_field)] {
         if let Some(matrix) = matrix.filter(|matrix| !alignment::agrees(matrix)) {
             found.refused.push(format!(
                 "gyroscope and {what} disagree about the axes: {}; check the axis map",
@@ -262,11 +255,7 @@ fn turns(
             continue;
         };
         if angle.norm() >= LEAST_TURN {
-            turns.push(Turn {
-                before,
-                after,
-                angle,
-            });
+            turns.push(Turn { before, after, angle });
         }
     }
     turns

@@ -27,10 +27,7 @@ mod tests {
         ] {
             let (roll, pitch) = mount(&acc);
             let body = Rotation3::from_euler_angles(roll, pitch, 0.0) * acc;
-            assert!(
-                (body - Vector3::new(0.0, 0.0, -acc.norm())).norm() < 1e-9,
-                "{body}"
-            );
+            assert!((body - Vector3::new(0.0, 0.0, -acc.norm())).norm() < 1e-9, "{body}");
         }
         assert_eq!(mount(&Vector3::new(0.0, 0.0, -9.81)).1, 0.0);
     }

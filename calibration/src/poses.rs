@@ -43,14 +43,8 @@ pub enum Face {
 
 impl Face {
     /// All six.
-    pub const ALL: [Self; 6] = [
-        Self::TopUp,
-        Self::BottomUp,
-        Self::NoseUp,
-        Self::NoseDown,
-        Self::RightUp,
-        Self::LeftUp,
-    ];
+    pub const ALL: [Self; 6] =
+        [Self::TopUp, Self::BottomUp, Self::NoseUp, Self::NoseDown, Self::RightUp, Self::LeftUp];
 
     /// In words.
     pub fn name(self) -> &'static str {
@@ -79,9 +73,7 @@ impl Face {
     /// The face on which a sensor rests that reads this force, if it is near one.
     pub fn of(force: &Vector3<f64>) -> Option<Self> {
         let least = FACE_COS * force.norm();
-        Self::ALL
-            .into_iter()
-            .find(|face| least > 0.0 && face.up().dot(force) >= least)
+        Self::ALL.into_iter().find(|face| least > 0.0 && face.up().dot(force) >= least)
     }
 }
 
@@ -157,14 +149,7 @@ pub fn fit(readings: &[Vector3<f64>], gravity: f64) -> Result<Poses, PosesError>
     let (mut normal, mut right) = (Matrix6::zeros(), Vector6::zeros());
     for reading in readings {
         let a = reading / gravity;
-        let row = Vector6::new(
-            a.x * a.x,
-            a.y * a.y,
-            a.z * a.z,
-            2.0 * a.x,
-            2.0 * a.y,
-            2.0 * a.z,
-        );
+        let row = Vector6::new(a.x * a.x, a.y * a.y, a.z * a.z, 2.0 * a.x, 2.0 * a.y, 2.0 * a.z);
         normal += row * row.transpose();
         right += row;
     }
@@ -178,10 +163,8 @@ pub fn fit(readings: &[Vector3<f64>], gravity: f64) -> Result<Poses, PosesError>
     if !plausible {
         return Err(PosesError::Implausible);
     }
-    let correction = Correction {
-        offset: offset * gravity,
-        matrix: Matrix3::from_diagonal(&scale),
-    };
+    let correction =
+        Correction { offset: offset * gravity, matrix: Matrix3::from_diagonal(&scale) };
     let residual = off_gravity(readings, &correction, gravity);
     if residual > LARGEST_RESIDUAL * gravity {
         return Err(PosesError::Residual { residual });
@@ -257,12 +240,7 @@ mod tests {
         let why =
             |readings: &[Vector3<f64>]| fit(readings, STANDARD_GRAVITY).unwrap_err().to_string();
         assert!(why(&six()[..5]).contains("5 poses"));
-        for (missing, face) in [
-            (0, "nose up"),
-            (1, "nose down"),
-            (4, "bottom up"),
-            (5, "top up"),
-        ] {
+        for (missing, face) in [(0, "nose up"), (1, "nose down"), (4, "bottom up"), (5, "top up")] {
             let mut readings = six();
             readings[missing] = readings[2];
             assert!(why(&readings).contains(face), "{}", why(&readings));
@@ -270,10 +248,7 @@ mod tests {
         let mut shaken: Vec<_> = six().into_iter().chain(six()).collect();
         shaken[8] *= 1.1;
         assert!(why(&shaken).contains("contradict"), "{}", why(&shaken));
-        let far: Vec<_> = six()
-            .iter()
-            .map(|r| r + Vector3::new(-2.5, 0.0, 0.0))
-            .collect();
+        let far: Vec<_> = six().iter().map(|r| r + Vector3::new(-2.5, 0.0, 0.0)).collect();
         assert!(why(&far).contains("larger than"), "{}", why(&far));
     }
 }

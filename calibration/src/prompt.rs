@@ -42,18 +42,9 @@ impl Prompt {
     /// Every prompt.
     pub fn all() -> impl Iterator<Item = Self> {
         let poses = Face::ALL.into_iter().map(Self::Pose);
-        let tilts = [
-            Tilt::NoseUp,
-            Tilt::NoseDown,
-            Tilt::RightDown,
-            Tilt::LeftDown,
-            Tilt::Upright,
-        ]
-        .map(Self::Tilt);
-        [Self::Rest, Self::Turn, Self::Level, Self::Done]
-            .into_iter()
-            .chain(poses)
-            .chain(tilts)
+        let tilts = [Tilt::NoseUp, Tilt::NoseDown, Tilt::RightDown, Tilt::LeftDown, Tilt::Upright]
+            .map(Self::Tilt);
+        [Self::Rest, Self::Turn, Self::Level, Self::Done].into_iter().chain(poses).chain(tilts)
     }
 
     /// In words, at most the 50 characters of a STATUSTEXT.

@@ -46,12 +46,7 @@ pub struct Readings {
 impl Readings {
     /// Takes one more; one with something that is not a number is left out.
     pub fn push(&mut self, reading: Reading) {
-        let Reading {
-            time_s,
-            gyr,
-            acc,
-            mag,
-        } = reading;
+        let Reading { time_s, gyr, acc, mag } = reading;
         if !(time_s.is_finite() && gyr.norm().is_finite() && acc.norm().is_finite()) {
             return;
         }
@@ -87,11 +82,8 @@ impl Readings {
 
     /// Standard deviation of the field's strength as it was read, uT.
     pub fn field_spread_ut(&self) -> f64 {
-        let strengths: Vec<Vector3<f64>> = self
-            .fields()
-            .iter()
-            .map(|field| Vector3::new(field.norm(), 0.0, 0.0))
-            .collect();
+        let strengths: Vec<Vector3<f64>> =
+            self.fields().iter().map(|field| Vector3::new(field.norm(), 0.0, 0.0)).collect();
         spread(strengths.iter()).map_or(0.0, |(_, deviation)| deviation.x)
     }
 }

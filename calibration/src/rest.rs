@@ -106,16 +106,9 @@ pub fn bias(samples: &[Sample]) -> Result<Rest, RestError> {
         }
     }
     if gyr.0.amax() > LARGEST_BIAS {
-        return Err(RestError::Turning {
-            deg_s: gyr.0.amax().to_degrees(),
-        });
+        return Err(RestError::Turning { deg_s: gyr.0.amax().to_degrees() });
     }
-    Ok(Rest {
-        bias: gyr.0,
-        noise: gyr.1,
-        acc: acc.0,
-        seconds,
-    })
+    Ok(Rest { bias: gyr.0, noise: gyr.1, acc: acc.0, seconds })
 }
 
 fn within(
@@ -129,13 +122,7 @@ fn within(
         if value.abs() <= limit {
             continue;
         }
-        return Err(RestError::Motion {
-            sensor,
-            axis,
-            by: value.abs(),
-            limit,
-            unit,
-        });
+        return Err(RestError::Motion { sensor, axis, by: value.abs(), limit, unit });
     }
     Ok(())
 }
@@ -177,16 +164,10 @@ mod tests {
 
     #[test]
     fn motion_is_refused_whichever_sensor_shows_it() {
-        refused(
-            |i, m| m.gyr.y += if i == 500 { 1.0 } else { 0.0 },
-            "gyroscope y",
-        );
+        refused(|i, m| m.gyr.y += if i == 500 { 1.0 } else { 0.0 }, "gyroscope y");
         refused(|i, m| m.gyr.z += i as f64 * 1e-5, "gyroscope z");
         refused(|i, m| m.acc.x += i as f64 * 1e-4, "accelerometer x");
-        refused(
-            |i, m| m.acc.z += if i % 50 < 25 { 0.3 } else { 0.0 },
-            "accelerometer z",
-        );
+        refused(|i, m| m.acc.z += if i % 50 < 25 { 0.3 } else { 0.0 }, "accelerometer z");
         refused(|i, m| m.mag.y += i as f64 * 0.01, "magnetometer y");
         refused(|_, m| m.gyr.x += 0.2, "deg/s is more than a bias");
         refused(|_, m| m.gyr.x = f64::NAN, "gyroscope x");

@@ -83,10 +83,8 @@ fn still(window: &[Sample]) -> Option<Vector3<f64>> {
 }
 
 fn inner(samples: &[Sample], range: Range<usize>) -> Option<Range<usize>> {
-    let (from, to) = (
-        samples[range.start].time_s + WINDOW_S,
-        samples[range.end - 1].time_s - WINDOW_S,
-    );
+    let (from, to) =
+        (samples[range.start].time_s + WINDOW_S, samples[range.end - 1].time_s - WINDOW_S);
     let start = samples.partition_point(|m| m.time_s < from);
     let end = samples.partition_point(|m| m.time_s <= to);
     (end > start).then_some(start..end)

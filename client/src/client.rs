@@ -80,11 +80,7 @@ impl Request {
 
     /// Time between two copies.
     fn interval(&self) -> Duration {
-        if *self == Self::Order(request::DISARM) {
-            INSIST
-        } else {
-            REPEAT
-        }
+        if *self == Self::Order(request::DISARM) { INSIST } else { REPEAT }
     }
 }
 
@@ -161,10 +157,7 @@ pub struct BoardValue {
 impl Client {
     /// A client that sends no heartbeats: another ground station does.
     pub fn without_heartbeat() -> Self {
-        Self {
-            silent: true,
-            ..Self::default()
-        }
+        Self { silent: true, ..Self::default() }
     }
 
     /// Takes in received bytes; the frames that are complete now.
@@ -183,8 +176,7 @@ impl Client {
             self.heartbeat = now + HEARTBEAT;
             self.send(&request::heartbeat());
         }
-        self.copies
-            .retain(|copy| now.saturating_sub(copy.sent) < ANSWER);
+        self.copies.retain(|copy| now.saturating_sub(copy.sent) < ANSWER);
         let missing = self.missing();
         let over = |pending: &Pending| {
             let failure = match (&pending.request, &missing) {
@@ -236,12 +228,7 @@ impl Client {
         }
         let ticket = Ticket(self.next);
         self.next += 1;
-        self.pending.push(Pending {
-            ticket,
-            request,
-            until: now + ANSWER,
-            again: Some(now),
-        });
+        self.pending.push(Pending { ticket, request, until: now + ANSWER, again: Some(now) });
         self.send_or_hold(now, self.pending.len() - 1);
         ticket
     }
@@ -321,11 +308,7 @@ impl Client {
         let count = self.parameter_count?;
         let mut missing = (0..count).filter(|index| !self.parameters.contains_key(index));
         let first = u32::from(missing.next()?) + 1;
-        Some(Failure::Incomplete {
-            count,
-            missing: 1 + missing.count(),
-            first,
-        })
+        Some(Failure::Incomplete { count, missing: 1 + missing.count(), first })
     }
 
     /// Whether these are all.

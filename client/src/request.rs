@@ -34,25 +34,16 @@ pub const MAY_ARM: Order = Order {
 };
 
 /// Standby to armed.
-pub const ARM: Order = Order {
-    name: "arm",
-    command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-    params: [1.0, 0.0],
-};
+pub const ARM: Order =
+    Order { name: "arm", command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, params: [1.0, 0.0] };
 
 /// Back to standby; acknowledges a failsafe or a latched fault.
-pub const DISARM: Order = Order {
-    name: "disarm",
-    command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-    params: [0.0, 0.0],
-};
+pub const DISARM: Order =
+    Order { name: "disarm", command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, params: [0.0, 0.0] };
 
 /// Armed to active: gripper 1, action 0 (release).
-pub const RELEASE: Order = Order {
-    name: "release",
-    command: MavCmd::MAV_CMD_DO_GRIPPER,
-    params: [1.0, 0.0],
-};
+pub const RELEASE: Order =
+    Order { name: "release", command: MavCmd::MAV_CMD_DO_GRIPPER, params: [1.0, 0.0] };
 
 /// Start anew, as after power-on.
 pub const REBOOT: Order = Order {
@@ -62,11 +53,8 @@ pub const REBOOT: Order = Order {
 };
 
 /// Begin the estimate anew: gyro calibration.
-pub const CALIBRATE: Order = Order {
-    name: "calibrate",
-    command: MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION,
-    params: [1.0, 0.0],
-};
+pub const CALIBRATE: Order =
+    Order { name: "calibrate", command: MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION, params: [1.0, 0.0] };
 
 /// AUTOPILOT_VERSION: the firmware's version and build.
 pub const VERSION: Order = Order {
@@ -102,11 +90,7 @@ pub const RELOAD: Order = storage("reload the parameters", 0.0);
 pub const RESET: Order = storage("reset the parameters", 2.0);
 
 const fn storage(name: &'static str, action: f32) -> Order {
-    Order {
-        name,
-        command: MavCmd::MAV_CMD_PREFLIGHT_STORAGE,
-        params: [action, 0.0],
-    }
+    Order { name, command: MavCmd::MAV_CMD_PREFLIGHT_STORAGE, params: [action, 0.0] }
 }
 
 /// The command of all orders to the board itself.
@@ -215,10 +199,7 @@ pub fn log_data(offset: u32, count: u32) -> MavMessage {
 
 /// TIMESYNC that asks for the vehicle's clock; `ts1_ns` comes back with the answer.
 pub fn time(ts1_ns: i64) -> MavMessage {
-    MavMessage::TIMESYNC(TIMESYNC_DATA {
-        tc1: 0,
-        ts1: ts1_ns,
-    })
+    MavMessage::TIMESYNC(TIMESYNC_DATA { tc1: 0, ts1: ts1_ns })
 }
 
 /// STATUSTEXT of at most 50 characters, which the firmware ignores: for whoever reads the link

@@ -22,10 +22,8 @@ pub fn reason_of(custom_mode: u32) -> Option<ReasonKind> {
 
 /// The state in a `custom_mode` in words.
 pub fn state_name(custom_mode: u32) -> String {
-    state_of(custom_mode).map_or_else(
-        || format!("unknown ({})", custom_mode as u8),
-        |state| state.to_string(),
-    )
+    state_of(custom_mode)
+        .map_or_else(|| format!("unknown ({})", custom_mode as u8), |state| state.to_string())
 }
 
 /// Armed, in control or in failsafe: only an order to disarm leads back to standby.
@@ -117,9 +115,6 @@ mod tests {
     }
 
     fn said(words: &str) -> MavMessage {
-        MavMessage::STATUSTEXT(STATUSTEXT_DATA {
-            text: words.into(),
-            ..STATUSTEXT_DATA::default()
-        })
+        MavMessage::STATUSTEXT(STATUSTEXT_DATA { text: words.into(), ..STATUSTEXT_DATA::default() })
     }
 }

@@ -97,11 +97,7 @@ impl ServoMap {
     /// Of an axis' servo, by the vehicle's parameters.
     pub fn of_axis(params: &Params, axis: Axis) -> Self {
         let fitting = params.fitting(axis);
-        Self::new(
-            fitting.centre_us,
-            params.srv_us_per_deg(),
-            fitting.direction,
-        )
+        Self::new(fitting.centre_us, params.srv_us_per_deg(), fitting.direction)
     }
 
     /// By the pulse at the centre, us, the pulse for a degree, us, and the direction, 1 or -1.
@@ -121,11 +117,7 @@ impl ServoMap {
 impl StatusTracker {
     /// Nothing heard yet.
     pub fn new(servos: [ServoMap; Axis::COUNT]) -> Self {
-        Self {
-            status: Status::default(),
-            servos,
-            window: None,
-        }
+        Self { status: Status::default(), servos, window: None }
     }
 
     /// Takes in a message.
@@ -228,10 +220,7 @@ mod tests {
     #[test]
     fn a_second_servo_and_an_uncertain_tilt_are_there_when_they_are_told() {
         use mavlink::dialects::common::{NAMED_VALUE_FLOAT_DATA, SERVO_OUTPUT_RAW_DATA};
-        let servos = [
-            ServoMap::new(1523.6, 10.0, 1.0),
-            ServoMap::new(1500.0, 10.0, -1.0),
-        ];
+        let servos = [ServoMap::new(1523.6, 10.0, 1.0), ServoMap::new(1500.0, 10.0, -1.0)];
         let mut tracker = StatusTracker::new(servos);
         let mut pulses = |servo2_raw| {
             tracker.take(&MavMessage::SERVO_OUTPUT_RAW(SERVO_OUTPUT_RAW_DATA {
@@ -267,10 +256,7 @@ mod tests {
     }
 
     fn text(text: &str) -> MavMessage {
-        MavMessage::STATUSTEXT(STATUSTEXT_DATA {
-            text: text.into(),
-            ..STATUSTEXT_DATA::default()
-        })
+        MavMessage::STATUSTEXT(STATUSTEXT_DATA { text: text.into(), ..STATUSTEXT_DATA::default() })
     }
 
     #[test]
@@ -314,10 +300,7 @@ mod tests {
             ..SYS_STATUS_DATA::default()
         }));
         let status = tracker.next(&Client::default());
-        assert_eq!(
-            (status.healthy, status.health.missed),
-            (Some(true), Some(7))
-        );
+        assert_eq!((status.healthy, status.health.missed), (Some(true), Some(7)));
     }
 
     #[test]

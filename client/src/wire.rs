@@ -96,10 +96,7 @@ impl Wire {
                     self.counts.lost += u64::from(missing);
                 }
                 self.counts.messages += 1;
-                frames.push(Frame {
-                    bytes: frame.to_vec(),
-                    message,
-                });
+                frames.push(Frame { bytes: frame.to_vec(), message });
                 at += length;
             } else {
                 // Perhaps no frame at all: look for one behind this start byte.
@@ -121,11 +118,7 @@ impl Wire {
 
     /// The bytes of a message from ground station 255.
     pub fn frame(&mut self, message: &MavMessage) -> Vec<u8> {
-        let header = MavHeader {
-            system_id: 255,
-            component_id: 190,
-            sequence: self.sent,
-        };
+        let header = MavHeader { system_id: 255, component_id: 190, sequence: self.sent };
         self.sent = self.sent.wrapping_add(1);
         let mut raw = MAVLinkV2MessageRaw::new();
         raw.serialize_message(header, message);
@@ -175,10 +168,7 @@ mod tests {
     use mavlink::dialects::common::{HEARTBEAT_DATA, STATUSTEXT_DATA};
 
     fn heartbeat(mode: u32) -> MavMessage {
-        MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-            custom_mode: mode,
-            ..HEARTBEAT_DATA::default()
-        })
+        MavMessage::HEARTBEAT(HEARTBEAT_DATA { custom_mode: mode, ..HEARTBEAT_DATA::default() })
     }
 
     #[test]
@@ -189,13 +179,7 @@ mod tests {
             let mut wire = Wire::default();
             let messages: Vec<_> = bytes.chunks(size).flat_map(|c| wire.receive(c)).collect();
             assert_eq!(messages, (0..5).map(heartbeat).collect::<Vec<_>>());
-            assert_eq!(
-                wire.counts(),
-                LinkCounts {
-                    messages: 5,
-                    ..LinkCounts::default()
-                }
-            );
+            assert_eq!(wire.counts(), LinkCounts { messages: 5, ..LinkCounts::default() });
         }
     }
 

@@ -24,11 +24,7 @@ const LIMIT: f32 = 1.047;
 /// costs is measured.
 pub fn pid() -> Config {
     Config {
-        gains: Gains {
-            kp: KP,
-            ki: 0.5,
-            kd: KD,
-        },
+        gains: Gains { kp: KP, ki: 0.5, kd: KD },
         derivative: Derivative::Rate,
         limit: -LIMIT..=LIMIT,
         ..Config::new(PERIOD_S)
@@ -84,15 +80,7 @@ pub struct Input {
 impl Input {
     /// Its words, in the order of memory.
     pub fn words(&self) -> [u32; 7] {
-        [
-            self.setpoint,
-            self.value,
-            self.rate,
-            self.age,
-            self.value_lead,
-            self.is_new,
-            self.is_sent,
-        ]
+        [self.setpoint, self.value, self.rate, self.age, self.value_lead, self.is_new, self.is_sent]
     }
 }
 
@@ -142,10 +130,7 @@ pub trait Law {
 
 impl<T: Number> Law for Pd<T> {
     fn new() -> Self {
-        Self {
-            kp: KP.into(),
-            kd: KD.into(),
-        }
+        Self { kp: KP.into(), kd: KD.into() }
     }
 
     #[inline(always)]

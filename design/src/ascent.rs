@@ -50,11 +50,7 @@ pub fn fly(on_pad: &RocketConfig, airframe: Airframe, law: Law, effect: f64) -> 
     let table = plant::rocket::Rocket::new(&airframe.parameters())?;
     // The gains are off, not how far the gimbal turns.
     let limit = (airframe.parameters().gimbal_limit_rad / effect) as f32;
-    let config = |gains| Config {
-        gains,
-        limit: -limit..=limit,
-        ..Config::new(PERIOD_S as f32)
-    };
+    let config = |gains| Config { gains, limit: -limit..=limit, ..Config::new(PERIOD_S as f32) };
     let (first, schedule) = match law {
         Law::Constant(gains) => (gains, Schedule::<f32, 6>::default()),
         Law::Scheduled(design) => {
@@ -112,18 +108,13 @@ mod tests {
     #[test]
     fn both_airframes_stay_upright_with_the_shipped_gains() {
         for airframe in Airframe::ALL {
-            for law in [
-                Law::Scheduled(airframe.design()),
-                Law::Constant(airframe.constant_gains()),
-            ] {
+            for law in [Law::Scheduled(airframe.design()), Law::Constant(airframe.constant_gains())]
+            {
                 let outcome = fly(&airframe.on_pad(1), airframe, law, 1.0).unwrap();
                 let Outcome::Flown(error_rad) = outcome else {
                     panic!("{airframe:?}, {law:?}: {outcome:?}");
                 };
-                assert!(
-                    error_rad.to_degrees() < 1.2,
-                    "{airframe:?}, {law:?}: {error_rad}"
-                );
+                assert!(error_rad.to_degrees() < 1.2, "{airframe:?}, {law:?}: {error_rad}");
             }
         }
     }
@@ -133,9 +124,6 @@ mod tests {
         let none = Gains::default();
         let on_pad = Airframe::Unstable.on_pad(1);
         let outcome = fly(&on_pad, Airframe::Unstable, Law::Constant(none), 1.0).unwrap();
-        assert!(
-            matches!(outcome, Outcome::LostAt(at_s) if at_s < 30.0),
-            "{outcome:?}"
-        );
+        assert!(matches!(outcome, Outcome::LostAt(at_s) if at_s < 30.0), "{outcome:?}");
     }
 }

@@ -31,9 +31,8 @@ impl Law {
     pub fn new(params: &Params, drone: &Parameters, timing: &Timing) -> Self {
         const WATCHED_S: f64 = 5.0;
         let control_s = timing.control_s;
-        let first_s = timing.lead_s.map_or(0.0, |lead_s| {
-            (timing.phase_s - lead_s).rem_euclid(control_s)
-        });
+        let first_s =
+            timing.lead_s.map_or(0.0, |lead_s| (timing.phase_s - lead_s).rem_euclid(control_s));
         let ticks = (WATCHED_S / control_s) as u32;
         let begun_s = first_s - f64::from(ticks) * control_s;
         let controller = Controller::new(params, Axis::Pitch, COMMAND_LIMIT_RAD as f32);
@@ -56,9 +55,8 @@ impl Law {
     /// What the firmware makes of a reading's being new.
     fn watch(&mut self, time_s: f64) -> tvc_nano::Sample {
         let timing = &self.timing;
-        let newest_s = timing
-            .refresh_s
-            .map_or(time_s, |period_s| timing.newest_refresh(time_s, period_s));
+        let newest_s =
+            timing.refresh_s.map_or(time_s, |period_s| timing.newest_refresh(time_s, period_s));
         let (before_s, count) = &mut self.newest;
         if newest_s != *before_s {
             (*before_s, *count) = (newest_s, count.wrapping_add(1));
@@ -72,11 +70,7 @@ impl Law {
 
     /// Takes a measurement and gives the crank command, in rad.
     pub fn update(&mut self, measurement: Measurement) -> f64 {
-        let Measurement {
-            time_s,
-            pitch_rad,
-            rate_rad_s,
-        } = measurement;
+        let Measurement { time_s, pitch_rad, rate_rad_s } = measurement;
         let reading = self.watch(time_s);
         let sample = Sample {
             angle: (pitch_rad as f32).into(),
@@ -91,13 +85,7 @@ impl Law {
 
     /// Whether a pulse carries the step at `time_s`.
     fn is_carried(&self, time_s: f64) -> bool {
-        let Timing {
-            control_s,
-            frame_s,
-            phase_s,
-            lead_s,
-            ..
-        } = self.timing;
+        let Timing { control_s, frame_s, phase_s, lead_s, .. } = self.timing;
         let per_frame = (frame_s / control_s).round().max(1.0);
         let carried_s = phase_s - lead_s.unwrap_or(0.0);
         let steps = ((carried_s - time_s) / control_s).round();
@@ -113,9 +101,7 @@ impl Law {
 pub fn parameters(servo: ServoKind, gains: Option<&Path>) -> Result<Params> {
     let mut params = Params::default();
     for (name, value) in servo.parameters() {
-        params
-            .set(name, *value)
-            .map_err(|error| anyhow::anyhow!("{error}"))?;
+        params.set(name, *value).map_err(|error| anyhow::anyhow!("{error}"))?;
     }
     let file = gains.map(param_file::read).transpose()?;
     for row in file.unwrap_or_default().rows {
@@ -135,11 +121,7 @@ pub fn setup(servo: ServoKind, file: Option<&Path>) -> Result<Setup> {
         ServoKind::S3003 => (ServoModel::S3003, Timing::NANO_50HZ),
         ServoKind::Digital => (ServoModel::DIGITAL, Timing::NANO_300HZ),
     };
-    let base = Setup {
-        drone: Parameters::PHYS,
-        servo,
-        timing,
-    };
+    let base = Setup { drone: Parameters::PHYS, servo, timing };
     let Some(path) = file else { return Ok(base) };
     let bad = |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
     let text = input::text(path).map_err(|error| bad(&error))?;

@@ -107,21 +107,11 @@ impl Columns {
             names.iter().map(|name| place(name).ok_or(*name)).collect()
         };
         let plain = all(&["time_s", "pitch_rad", "rate_rad_s", "pulse_us"]);
-        let steps = all(&[
-            "time_us",
-            "q_w",
-            "q_x",
-            "q_y",
-            "q_z",
-            "pitch_rate_rad_s",
-            "pulse_us",
-            "state",
-        ]);
+        let steps =
+            all(&["time_us", "q_w", "q_x", "q_y", "q_z", "pitch_rate_rad_s", "pulse_us", "state"]);
         match (plain, steps) {
             (Ok(p), _) => Ok(Self::Plain([p[0], p[1], p[2], p[3]])),
-            (_, Ok(s)) => Ok(Self::Steps([
-                s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7],
-            ])),
+            (_, Ok(s)) => Ok(Self::Steps([s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7]])),
             (Err(missing), _) => Err(format!(
                 "no column {missing}: a log has time_s, pitch_rad, rate_rad_s, pulse_us, or what `tvc record` writes"
             )),
@@ -200,10 +190,7 @@ fn take(columns: &Columns, row: &StringRecord, record: &mut Record) -> Result<()
     let number = |place: usize| -> Result<Option<f64>, String> {
         match cell(place) {
             "" => Ok(None),
-            text => text
-                .parse()
-                .map(Some)
-                .map_err(|_| format!("{text} is no number")),
+            text => text.parse().map(Some).map_err(|_| format!("{text} is no number")),
         }
     };
     let (time_s, pitch_rad, rate_rad_s, pulse_us) = match columns {
@@ -225,11 +212,7 @@ fn take(columns: &Columns, row: &StringRecord, record: &mut Record) -> Result<()
     };
     let time_s = time_s.ok_or("no time")?;
     if let (Some(pitch_rad), Some(rate_rad_s)) = (pitch_rad, rate_rad_s) {
-        record.readings.push(Reading {
-            time_s,
-            pitch_rad,
-            rate_rad_s,
-        });
+        record.readings.push(Reading { time_s, pitch_rad, rate_rad_s });
     }
     if let Some(width_us) = pulse_us {
         record.pulses.push((time_s, width_us));

@@ -26,12 +26,9 @@ impl From<AxisName> for Axis {
 /// # Errors
 /// What is wrong with it.
 pub fn parameter(text: &str) -> Result<(String, f32), String> {
-    let (name, value) = text
-        .split_once('=')
-        .ok_or("a parameter is NAME=VALUE, such as PID_KP=1.2")?;
+    let (name, value) =
+        text.split_once('=').ok_or("a parameter is NAME=VALUE, such as PID_KP=1.2")?;
     let value = value.parse().map_err(|_| format!("{value} is no number"))?;
-    Params::default()
-        .set(name, value)
-        .map_err(|error| format!("{name}: {error}"))?;
+    Params::default().set(name, value).map_err(|error| format!("{name}: {error}"))?;
     Ok((name.to_owned(), value))
 }

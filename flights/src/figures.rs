@@ -54,9 +54,7 @@ impl Run {
             figure("overshoot_pct", self.overshoot_pct)
                 .shown("overshoot", "%", 1)
                 .limit(requirements::OVERSHOOT_PCT),
-            figure("rise_s", self.rise_s)
-                .shown("rise", "s", 3)
-                .or("never"),
+            figure("rise_s", self.rise_s).shown("rise", "s", 3).or("never"),
             figure("settling_5pct_s", self.settling_5pct_s)
                 .shown("5 % settling", "s", 3)
                 .or("never")
@@ -72,13 +70,7 @@ impl Run {
 /// Mean and maximum of a time in us, the mean held to a limit if there is one.
 pub fn spread(key: &'static str, of: Spread, label: &str, mean: Option<Limit>) -> Figure {
     let shown = |key, us: f64, which| figure(key, us).shown(format!("{label}, {which}"), "us", 0);
-    figure(
-        key,
-        [
-            shown("mean", of.mean, "mean").limit(mean),
-            shown("max", of.max, "worst"),
-        ],
-    )
+    figure(key, [shown("mean", of.mean, "mean").limit(mean), shown("max", of.max, "worst")])
 }
 
 /// What arrived over a link.
@@ -123,9 +115,5 @@ pub fn response(release: &Release, axis: Axis) -> Option<Run> {
     if release.axes().len() > 1 && response.initial_error().abs() < TILTED_RAD {
         return None;
     }
-    Some(Run::new(
-        response.initial_error(),
-        &response,
-        release.stayed,
-    ))
+    Some(Run::new(response.initial_error(), &response, release.stayed))
 }

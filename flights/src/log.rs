@@ -92,9 +92,7 @@ impl Log {
 
     /// From the first message to the last, s.
     pub fn length_s(&self) -> f64 {
-        self.entries
-            .last()
-            .map_or(0.0, |entry| self.time_s(entry.time_us))
+        self.entries.last().map_or(0.0, |entry| self.time_s(entry.time_us))
     }
 
     /// The messages in the bytes of a log.
@@ -149,11 +147,7 @@ pub fn write_flight(flight: &Flight, to: &Path, tool: &str) -> Result<()> {
     if Output::of(to)? == Output::Table {
         return write_csv(flight, to);
     }
-    let header = MavHeader {
-        system_id: SYSTEM_ID.into(),
-        component_id: COMPONENT_ID,
-        sequence: 0,
-    };
+    let header = MavHeader { system_id: SYSTEM_ID.into(), component_id: COMPONENT_ID, sequence: 0 };
     let time_us = |step: Option<&Step>| step.map_or(0, |step| step.now_us);
     let begin_us = now_us().saturating_sub(time_us(flight.steps().last()));
     let mut writer = Writer::whole(to, tool)?;
@@ -262,10 +256,7 @@ pub struct Frames<'a> {
 impl<'a> Frames<'a> {
     /// Of the bytes of a `.tlog`.
     pub fn of(bytes: &'a [u8]) -> Self {
-        Self {
-            bytes,
-            stray_bytes: 0,
-        }
+        Self { bytes, stray_bytes: 0 }
     }
 }
 
@@ -300,8 +291,7 @@ pub fn is_from_vehicle(frame: &[u8]) -> bool {
 
 /// Whether the file's name has this extension, in small letters or large.
 pub fn has_extension(path: &Path, extension: &str) -> bool {
-    path.extension()
-        .is_some_and(|found| found.eq_ignore_ascii_case(extension))
+    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension))
 }
 
 #[cfg(test)]
@@ -323,10 +313,7 @@ mod tests {
             let step = Event::Step(Step::level(second * 1_000_000));
             state.map(Event::State).into_iter().chain([step])
         });
-        Flight {
-            events: events.collect(),
-            ..Flight::default()
-        }
+        Flight { events: events.collect(), ..Flight::default() }
     }
 
     /// Wherever a piece is missing, all of its frames count as lost.
@@ -337,11 +324,7 @@ mod tests {
         const PIECE: usize = 300;
         let mut bytes = Vec::new();
         for sequence in 0..FRAMES as u8 {
-            let header = mavlink::MavHeader {
-                system_id: 1,
-                component_id: COMPONENT_ID,
-                sequence,
-            };
+            let header = mavlink::MavHeader { system_id: 1, component_id: COMPONENT_ID, sequence };
             let message = MavMessage::RAW_IMU(RAW_IMU_DATA {
                 time_usec: 6_667 * u64::from(sequence),
                 zacc: -981,
@@ -355,9 +338,8 @@ mod tests {
         for begin in 100..bytes.len() - PIECE - 400 {
             let cut = Log::parse(&[&bytes[..begin], &bytes[begin + PIECE..]].concat());
             let heard = cut.entries.iter().filter(|entry| entry.from_vehicle);
-            let (count, lost) = heard.fold((0, 0), |(count, lost), entry| {
-                (count + 1, lost + entry.lost_before)
-            });
+            let (count, lost) =
+                heard.fold((0, 0), |(count, lost), entry| (count + 1, lost + entry.lost_before));
             assert_eq!(count + lost, FRAMES as u64, "{begin}");
         }
     }
@@ -369,9 +351,7 @@ mod tests {
         let mut writer = Writer::create(&path, TOOL).unwrap();
         let mut station = Wire::default();
         for time in [5, 1_000_000] {
-            writer
-                .write_at(time, &station.frame(&request::heartbeat()))
-                .unwrap();
+            writer.write_at(time, &station.frame(&request::heartbeat())).unwrap();
         }
         writer.end().unwrap();
         let bytes = std::fs::read(&path).unwrap();
@@ -389,11 +369,7 @@ mod tests {
     fn a_vehicle_may_have_any_number() {
         let mut bytes = vec![0; STAMP];
         let mut beat = MAVLinkV2MessageRaw::new();
-        let header = MavHeader {
-            system_id: 7,
-            component_id: COMPONENT_ID,
-            sequence: 0,
-        };
+        let header = MavHeader { system_id: 7, component_id: COMPONENT_ID, sequence: 0 };
         beat.serialize_message(header, &request::heartbeat());
         bytes.extend(beat.raw_bytes());
         let log = Log::parse(&bytes);

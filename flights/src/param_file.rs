@@ -73,14 +73,10 @@ pub fn parse(text: &str) -> Result<File, String> {
         };
         // A mark in the midst of a file would stand before a name that looks like another one.
         if !name.bytes().all(|byte| byte.is_ascii_graphic()) {
-            return Err(format!(
-                "line {}: {name:?} is no name of a parameter",
-                index + 1
-            ));
+            return Err(format!("line {}: {name:?} is no name of a parameter", index + 1));
         }
-        let value = value
-            .parse()
-            .map_err(|_| format!("line {}: {value} is no number", index + 1))?;
+        let value =
+            value.parse().map_err(|_| format!("line {}: {value} is no number", index + 1))?;
         let capitals = name.to_uppercase();
         if Params::info(name).is_some() {
             Params::default()
@@ -96,10 +92,7 @@ pub fn parse(text: &str) -> Result<File, String> {
         if is_polarity(name) {
             file.names_polarity = true;
         } else {
-            file.rows.push(Parameter {
-                name: name.to_owned(),
-                value,
-            });
+            file.rows.push(Parameter { name: name.to_owned(), value });
         }
     }
     if names.is_empty() {
@@ -122,8 +115,7 @@ const COMPONENT: u8 = 1;
 
 /// Whether a file is QGroundControl's, by its name.
 pub fn is_for_qgroundcontrol(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|extension| extension == "params")
+    path.extension().is_some_and(|extension| extension == "params")
 }
 
 /// The text of a file for QGroundControl, which loads it into a vehicle of the same system id.
@@ -160,10 +152,8 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read() {
-        let rows = [("PID_KP", 1.1), ("SRV_CENTRE_US", 1523.6)].map(|(name, value)| Parameter {
-            name: name.into(),
-            value,
-        });
+        let rows = [("PID_KP", 1.1), ("SRV_CENTRE_US", 1523.6)]
+            .map(|(name, value)| Parameter { name: name.into(), value });
         assert_eq!(parse(&text(&rows)).unwrap().rows, rows);
         assert_eq!(parse(&columns(&rows, 7)).unwrap().rows, rows);
     }
@@ -173,10 +163,7 @@ mod tests {
     /// vehicle's system id.
     #[test]
     fn qgroundcontrol_loads_its_form() {
-        let rows = [Parameter {
-            name: "PID_KP".into(),
-            value: 1.1,
-        }];
+        let rows = [Parameter { name: "PID_KP".into(), value: 1.1 }];
         let text = columns(&rows, 7);
         let lines = text.lines().filter(|line| !line.starts_with('#'));
         let lines: Vec<Vec<_>> = lines.map(|line| line.split('\t').collect()).collect();
@@ -190,10 +177,7 @@ mod tests {
     fn the_forms_of_other_programs_are_read() {
         let text = "# Vehicle-Id Component-Id Name Value Type\n1\t1\tPID_KP\t1.2\t9\n\nPID_KD,0.25\nNEW = 3\n";
         let rows = parse(text).unwrap().rows;
-        let pairs: Vec<_> = rows
-            .iter()
-            .map(|row| (row.name.as_str(), row.value))
-            .collect();
+        let pairs: Vec<_> = rows.iter().map(|row| (row.name.as_str(), row.value)).collect();
         assert_eq!(pairs, [("PID_KP", 1.2), ("PID_KD", 0.25), ("NEW", 3.0)]);
     }
 
@@ -211,18 +195,13 @@ mod tests {
         let names: Vec<_> = read.rows.iter().map(|row| row.name.as_str()).collect();
         assert_eq!(names, ["PID_KP"]);
         assert!(parse("SRV_POLARITY 1").unwrap().rows.is_empty());
-        let rows = [("PID_KP", 1.2), ("SRV_POLARITY", 1.0)].map(|(name, value)| Parameter {
-            name: name.into(),
-            value,
-        });
+        let rows = [("PID_KP", 1.2), ("SRV_POLARITY", 1.0)]
+            .map(|(name, value)| Parameter { name: name.into(), value });
         for text in [text(&rows), columns(&rows, 7)] {
             let read = parse(&text).unwrap();
             assert!(!read.names_polarity && read.rows == rows[..1], "{text}");
             let comment = text.lines().last().unwrap();
-            assert!(
-                comment.starts_with("# ") && comment.contains("SRV_POLARITY"),
-                "{text}"
-            );
+            assert!(comment.starts_with("# ") && comment.contains("SRV_POLARITY"), "{text}");
         }
     }
 
@@ -247,10 +226,7 @@ mod tests {
             ("PID_KP;1,85", "line 1: a decimal comma"),
             ("PID_KP 1\npid_kd 0.4", "line 2: pid_kd is written PID_KD"),
             ("SRV_POLARITY 3", "SRV_POLARITY must be"),
-            (
-                "PID_KP 1\nPID_KD 0.1\nPID_KP 2",
-                "line 3: PID_KP a second time",
-            ),
+            ("PID_KP 1\nPID_KD 0.1\nPID_KP 2", "line 3: PID_KP a second time"),
         ] {
             assert!(parse(text).unwrap_err().contains(part), "{text}");
         }

@@ -26,10 +26,7 @@ impl ComplementaryGains {
     /// From the weight of the gyroscope, 0..1, at a sampling rate in Hz.
     pub fn from_weight(weight: f32, rate_hz: f32) -> Self {
         let tau_s = weight / ((1.0 - weight) * rate_hz);
-        Self {
-            acc_tau_s: tau_s,
-            mag_tau_s: tau_s,
-        }
+        Self { acc_tau_s: tau_s, mag_tau_s: tau_s }
     }
 
     /// The thesis' setting: weights 0.95 and 0.05 at 100 Hz, so 0.19 s.

@@ -185,11 +185,7 @@ impl<T: Real> Field<T> {
                 // Sine and cosine of an angle, from sine and cosine of half of it, without a table.
                 let half = Quaternion::from_rotation_vector(&[T::ZERO, T::ZERO, rad]);
                 let (sin, cos) = (half.w * half.z, T::HALF - half.z * half.z);
-                Declination {
-                    rad,
-                    sin: sin + sin,
-                    cos: cos + cos,
-                }
+                Declination { rad, sin: sin + sin, cos: cos + cos }
             }),
             lag: FieldLag::new(shared.mag_lag_s, shared.mag_lag_prior_rad2_s)?,
             weight: T::ONE,
@@ -200,11 +196,7 @@ impl<T: Real> Field<T> {
     /// For going back in time: reference and lag are known, and the lag is not learned.
     #[cfg(feature = "offline")]
     pub(crate) fn reversed(&self) -> Self {
-        Self {
-            lag: self.lag.reversed(),
-            candidate: None,
-            ..*self
-        }
+        Self { lag: self.lag.reversed(), candidate: None, ..*self }
     }
 
     /// Whether a field has been seen that can serve as a compass.
@@ -291,10 +283,7 @@ impl<T: Real> Field<T> {
         if self.weight.within(T::ZERO) {
             return None;
         }
-        Some(HeadingError {
-            sin: self.weighted_sine(north, east),
-            undisturbed: !self.disturbed,
-        })
+        Some(HeadingError { sin: self.weighted_sine(north, east), undisturbed: !self.disturbed })
     }
 
     /// A field of full weight shows its lag.

@@ -19,22 +19,12 @@ impl<T: Real> Filter for Gyro<T> {
 
     fn new((): &()) -> Result<Self, ConfigError> {
         // With gains of zero it corrects by the running mean of the start-up alone.
-        let gains = MahonyGains {
-            acc_per_s: 0.0,
-            mag_per_s: 0.0,
-            integral_per_s2: 0.0,
-        };
-        Ok(Self {
-            alignment: Mahony::new(&gains)?,
-        })
+        let gains = MahonyGains { acc_per_s: 0.0, mag_per_s: 0.0, integral_per_s2: 0.0 };
+        Ok(Self { alignment: Mahony::new(&gains)? })
     }
 
     #[inline(always)]
     fn correction(&mut self, view: &View<T>, bias: &mut [T; 3]) -> [T; 3] {
-        if view.starting {
-            self.alignment.correction(view, bias)
-        } else {
-            zero()
-        }
+        if view.starting { self.alignment.correction(view, bias) } else { zero() }
     }
 }

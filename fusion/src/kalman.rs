@@ -235,11 +235,7 @@ mod tests {
     /// root of Q R. Nothing shows the heading: its variance is time times Q.
     #[test]
     fn the_covariance_is_that_of_the_riccati_equation() {
-        let gains = KalmanGains {
-            bias_rad_s: 0.0,
-            bias_rad2_s3: 0.0,
-            ..KalmanGains::default()
-        };
+        let gains = KalmanGains { bias_rad_s: 0.0, bias_rad2_s3: 0.0, ..KalmanGains::default() };
         let mut kalman = Kalman::<f64>::new(&gains).expect("valid");
         for _ in 0..100_000 {
             let half_angle = kalman.correction(&still(0.001), &mut [0.0; 3]);
@@ -249,10 +245,7 @@ mod tests {
         let [north, east, down] = kalman.attitude;
         let expected = (q * r).sqrt();
         for tilt in [north[0], east[1]] {
-            assert!(
-                (tilt - expected).abs() < 0.01 * expected,
-                "{tilt} {expected}"
-            );
+            assert!((tilt - expected).abs() < 0.01 * expected, "{tilt} {expected}");
         }
         assert!((down[2] - 0.1 - 100.0 * q).abs() < 1e-4, "{}", down[2]);
         assert_eq!(kalman.offset, [[0.0; 3]; 3]);
@@ -273,10 +266,7 @@ mod tests {
         let variance = 0.1;
         let gain = variance / (variance + f64::from(KalmanGains::default().acc_rad2_s) / dt);
         let expected = 0.5 * gain * tilt;
-        assert!(
-            (half_angle[0] - expected).abs() < 1e-3 * expected,
-            "{half_angle:?}"
-        );
+        assert!((half_angle[0] - expected).abs() < 1e-3 * expected, "{half_angle:?}");
         assert!(half_angle[1].abs() + half_angle[2].abs() < 1e-9);
     }
 }

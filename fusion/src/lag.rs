@@ -97,10 +97,7 @@ impl<T: Real> FieldLag<T> {
     /// The lag as known, with the other sign.
     #[cfg(feature = "offline")]
     pub(crate) fn reversed(&self) -> Self {
-        Self {
-            lag_s: -self.lag_s,
-            learned: None,
-        }
+        Self { lag_s: -self.lag_s, learned: None }
     }
 
     /// The lag is known from elsewhere, as firmly as by the configuration.
@@ -188,21 +185,10 @@ mod tests {
             let rate = Vector3::new((1.3 * t).sin(), (0.7 * t).cos(), (0.9 * t).sin()) * 2.0;
             truth *= UnitQuaternion::from_scaled_axis(rate * 0.02);
             let then = truth * UnitQuaternion::from_scaled_axis(-rate * late_s);
-            let q = Quaternion {
-                w: truth.w,
-                x: truth.i,
-                y: truth.j,
-                z: truth.k,
-            };
+            let q = Quaternion { w: truth.w, x: truth.i, y: truth.j, z: truth.k };
             let seen = then.inverse() * field;
             if let Some(dt) = lag.due(0.02) {
-                lag.learn(
-                    dt,
-                    &q.half_rows(),
-                    &seen.into(),
-                    &rate.into(),
-                    1.0 / field.norm(),
-                );
+                lag.learn(dt, &q.half_rows(), &seen.into(), &rate.into(), 1.0 / field.norm());
             }
         }
         lag.lag_s()
@@ -212,10 +198,7 @@ mod tests {
     fn the_field_tells_how_late_it_is() {
         for late_s in [0.0, 0.012, 0.04] {
             let lag_s = learned(late_s, FieldLag::new(0.004, 1.0).expect("valid"));
-            assert!(
-                (lag_s - late_s).abs() < 3e-4 + 0.04 * late_s,
-                "{lag_s} for {late_s}"
-            );
+            assert!((lag_s - late_s).abs() < 3e-4 + 0.04 * late_s, "{lag_s} for {late_s}");
         }
     }
 

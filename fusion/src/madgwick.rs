@@ -46,9 +46,7 @@ impl<T: Real> Filter for Madgwick<T> {
 
     fn new(gains: &MadgwickGains) -> Result<Self, ConfigError> {
         in_range(gains.beta_per_s, 0.0, 100.0, "beta_per_s")?;
-        Ok(Self {
-            beta: T::from_f32(gains.beta_per_s),
-        })
+        Ok(Self { beta: T::from_f32(gains.beta_per_s) })
     }
 
     #[inline(always)]

@@ -32,11 +32,7 @@ settings! {
 impl MahonyGains {
     /// The thesis' setting: its library's defaults, Kp 0.5 and Ki 0.
     pub const fn thesis() -> Self {
-        Self {
-            acc_per_s: 0.5,
-            mag_per_s: 0.5,
-            integral_per_s2: 0.0,
-        }
+        Self { acc_per_s: 0.5, mag_per_s: 0.5, integral_per_s2: 0.0 }
     }
 }
 

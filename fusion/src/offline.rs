@@ -47,30 +47,24 @@ pub fn smooth<F: Filter>(
     for (index, timed) in samples.iter().enumerate().rev() {
         // A sample has the rate of the time before it. Going back, the next sample has it.
         if let Some(next) = samples.get(index + 1) {
-            let sample = Sample {
-                gyr: next.sample.gyr.map(|rate| -rate),
-                ..timed.sample
-            };
+            let sample = Sample { gyr: next.sample.gyr.map(|rate| -rate), ..timed.sample };
             backward.update(next.dt_s, &sample);
         }
         later.push((backward.attitude().orientation, backward.standing_s()));
     }
     let mut forward = backward.reversed(&config.gains)?;
     let mut earlier = true;
-    let averaged = samples
-        .iter()
-        .zip(later.iter().rev())
-        .map(|(timed, later)| {
-            // The way back has ended at the first sample.
-            if !core::mem::take(&mut earlier) {
-                forward.update(timed.dt_s, &timed.sample);
-            }
-            let attitude = forward.attitude();
-            Attitude {
-                orientation: between((attitude.orientation, forward.standing_s()), *later),
-                ..attitude
-            }
-        });
+    let averaged = samples.iter().zip(later.iter().rev()).map(|(timed, later)| {
+        // The way back has ended at the first sample.
+        if !core::mem::take(&mut earlier) {
+            forward.update(timed.dt_s, &timed.sample);
+        }
+        let attitude = forward.attitude();
+        Attitude {
+            orientation: between((attitude.orientation, forward.standing_s()), *later),
+            ..attitude
+        }
+    });
     Ok(averaged.collect())
 }
 
@@ -80,11 +74,7 @@ fn between<T: Real>(
     (b, weight_b): (Quaternion<T>, T),
 ) -> Quaternion<T> {
     let sum = weight_a + weight_b;
-    let share = if sum > T::ZERO {
-        weight_b * sum.recip()
-    } else {
-        T::HALF
-    };
+    let share = if sum > T::ZERO { weight_b * sum.recip() } else { T::HALF };
     let turn = a.conj().mul(&b).rotation_vector();
     a.mul(&Quaternion::from_rotation_vector(&scaled(&turn, share)))
 }

@@ -159,10 +159,7 @@ impl<T: Real> Uncertainty<T> {
 
     /// The attitude comes from a new sample; the offset keeps its deviation.
     pub(crate) fn restart(&mut self) {
-        *self = Self {
-            bias: self.bias,
-            ..Self::new()
-        };
+        *self = Self { bias: self.bias, ..Self::new() };
     }
 
     /// The offset is known as from a rest.
@@ -217,8 +214,7 @@ impl<T: Real> Uncertainty<T> {
     }
 
     fn field_is_fresh(&self) -> bool {
-        self.field_age_s
-            .is_some_and(|age_s| age_s.within(T::from_f32(FRESH_S)))
+        self.field_age_s.is_some_and(|age_s| age_s.within(T::from_f32(FRESH_S)))
     }
 
     /// The deviations, with the whole field over its horizontal part, squared, if known.

@@ -105,11 +105,7 @@ impl<T: Real> Quaternion<T> {
     pub fn rotation_vector(&self) -> [T; 3] {
         let (half, sine) = self.half_angle();
         // Of a small rotation the vector part is half the vector.
-        let per_sine = if sine.within(T::from_f32(1e-6)) {
-            T::ONE
-        } else {
-            half * sine.recip()
-        };
+        let per_sine = if sine.within(T::from_f32(1e-6)) { T::ONE } else { half * sine.recip() };
         let k = per_sine.negated(self.w.is_negative());
         scaled(&[self.x, self.y, self.z], k + k)
     }
@@ -357,22 +353,15 @@ mod tests {
 
     #[test]
     fn a_quarter_turn_about_down_takes_body_x_to_east() {
-        let q = Quaternion::from_euler(&Euler {
-            roll_rad: 0.0,
-            pitch_rad: 0.0,
-            yaw_rad: FRAC_PI_2,
-        });
+        let q =
+            Quaternion::from_euler(&Euler { roll_rad: 0.0, pitch_rad: 0.0, yaw_rad: FRAC_PI_2 });
         let east = Vector3::from(q.rotate(&[1.0, 0.0, 0.0]));
         assert!((east - Vector3::new(0.0, 1.0, 0.0)).norm() < 1e-6);
     }
 
     #[test]
     fn nose_up_is_positive_pitch_and_tilts_up_towards_body_x() {
-        let q = Quaternion::from_euler(&Euler {
-            roll_rad: 0.0,
-            pitch_rad: 0.5,
-            yaw_rad: 1.0,
-        });
+        let q = Quaternion::from_euler(&Euler { roll_rad: 0.0, pitch_rad: 0.5, yaw_rad: 1.0 });
         assert!((q.pitch() - 0.5).abs() < 1e-6);
         assert!(
             (Vector3::from(q.up()) - Vector3::new(0.5f32.sin(), 0.0, -0.5f32.cos())).norm() < 1e-6
@@ -381,11 +370,7 @@ mod tests {
 
     #[test]
     fn earth_axes_can_point_up() {
-        let q = Quaternion::from_euler(&Euler {
-            roll_rad: 0.3f64,
-            pitch_rad: -0.5,
-            yaw_rad: 1.1,
-        });
+        let q = Quaternion::from_euler(&Euler { roll_rad: 0.3f64, pitch_rad: -0.5, yaw_rad: 1.1 });
         let v = Vector3::new(1.0, -2.0, 3.0);
         let ned = q.rotate(&v.into());
         let enu = Vector3::new(ned[1], ned[0], -ned[2]);
@@ -403,12 +388,7 @@ mod tests {
             Vector3::new(0.0, 3.1, 0.0),
         ] {
             let q = Quaternion::from_rotation_vector(&vector.into());
-            let negative = Quaternion {
-                w: -q.w,
-                x: -q.x,
-                y: -q.y,
-                z: -q.z,
-            };
+            let negative = Quaternion { w: -q.w, x: -q.x, y: -q.y, z: -q.z };
             for q in [q, negative] {
                 let error = (Vector3::from(q.rotation_vector()) - vector).norm();
                 assert!(error < 1e-6 * vector.norm() + 1e-15, "{error} of {vector}");
@@ -419,12 +399,7 @@ mod tests {
     #[test]
     fn straight_up_clamps_instead_of_giving_nan() {
         let c = libm::sqrtf(0.5) * 1.000_001;
-        let q = Quaternion {
-            w: c,
-            x: 0.0,
-            y: c,
-            z: 0.0,
-        };
+        let q = Quaternion { w: c, x: 0.0, y: c, z: 0.0 };
         let euler = q.euler();
         assert_eq!(euler.pitch_rad, FRAC_PI_2);
         assert!(euler.roll_rad.is_finite() && euler.yaw_rad.is_finite());
@@ -437,10 +412,9 @@ mod tests {
         // Body y points down, body x south.
         let q = Quaternion::from_up_and_north(&[0.0, -9.81, 0.0], Some(&[-20.0, 45.0, 0.0]))
             .expect("a direction");
-        for (body, earth) in [
-            ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]),
-            ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
-        ] {
+        for (body, earth) in
+            [([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]), ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0])]
+        {
             let error = Vector3::from(q.rotate(&body)) - Vector3::from(earth);
             assert!(error.norm() < 1e-6, "{error}");
         }
@@ -458,18 +432,9 @@ mod tests {
 
     #[test]
     fn nothing_and_infinity_normalise_to_the_identity() {
-        assert_eq!(
-            Quaternion::normalised(0.0f32, 0.0, 0.0, 0.0),
-            Quaternion::IDENTITY
-        );
-        assert_eq!(
-            Quaternion::normalised(f32::INFINITY, 0.0, 0.0, 1.0),
-            Quaternion::IDENTITY
-        );
-        assert_eq!(
-            Quaternion::normalised(f32::NAN, 0.0, 0.0, 1.0),
-            Quaternion::IDENTITY
-        );
+        assert_eq!(Quaternion::normalised(0.0f32, 0.0, 0.0, 0.0), Quaternion::IDENTITY);
+        assert_eq!(Quaternion::normalised(f32::INFINITY, 0.0, 0.0, 1.0), Quaternion::IDENTITY);
+        assert_eq!(Quaternion::normalised(f32::NAN, 0.0, 0.0, 1.0), Quaternion::IDENTITY);
         assert_eq!(Quaternion::normalised(0.0f32, 1e-29, 0.0, 0.0).x, 1.0);
     }
 

@@ -147,11 +147,7 @@ enum State<T> {
 impl<T: Real> Range<T> {
     pub(crate) fn new(limit_rad_s: f32) -> Self {
         let configured = T::from_f32(limit_rad_s);
-        Self {
-            configured,
-            busy: false,
-            axes: core::array::from_fn(|_| Axis::new(configured)),
-        }
+        Self { configured, busy: false, axes: core::array::from_fn(|_| Axis::new(configured)) }
     }
 
     /// For going back in time: the limits of positive rates become those of negative rates.
@@ -166,11 +162,7 @@ impl<T: Real> Range<T> {
                 ..Axis::new(self.configured)
             }
         });
-        Self {
-            busy: false,
-            axes,
-            ..*self
-        }
+        Self { busy: false, axes, ..*self }
     }
 
     /// Whether there is nothing to examine: the usual case, without arithmetic.
@@ -202,10 +194,7 @@ impl<T: Real> Range<T> {
     /// A limit has been found. Another similar limit confirms both.
     fn compare(&mut self) {
         let configured = self.configured;
-        let sizes = self
-            .axes
-            .each_ref()
-            .map(|axis| axis.limits.map(|limit| limit.size));
+        let sizes = self.axes.each_ref().map(|axis| axis.limits.map(|limit| limit.size));
         for limit in self.axes.iter_mut().flat_map(|axis| &mut axis.limits) {
             let size = limit.size;
             let near = |other: &&T| (**other - size).within(size * T::from_f32(AGREE));
@@ -217,11 +206,7 @@ impl<T: Real> Range<T> {
 
 impl<T: Real> Axis<T> {
     fn new(limit: T) -> Self {
-        Self {
-            limits: [Limit::sure(limit); 2],
-            quiet: T::from_f32(MIN_LIMIT),
-            ..Self::default()
-        }
+        Self { limits: [Limit::sure(limit); 2], quiet: T::from_f32(MIN_LIMIT), ..Self::default() }
     }
 
     fn limit(&self, negative: bool) -> Limit<T> {
@@ -247,11 +232,7 @@ impl<T: Real> Axis<T> {
         let Limit { size: limit, sure } = self.limit(rate.is_negative());
         let clipped = !rate.within(limit);
         let [last, before] = self.last;
-        let mut hidden = if clipped && sure {
-            Hidden::Rate(limit)
-        } else {
-            Hidden::Nothing
-        };
+        let mut hidden = if clipped && sure { Hidden::Rate(limit) } else { Hidden::Nothing };
         self.state = match self.state {
             State::Clear if clipped => {
                 let signed = limit.negated(rate.is_negative());
@@ -277,11 +258,7 @@ impl<T: Real> Axis<T> {
                 let slopes = (slope.unwrap_or(-after), after);
                 hidden = self.lost(slopes, time_s, negative);
                 self.fresh = false;
-                if clipped {
-                    State::Clipped(Some(after), dt)
-                } else {
-                    State::Clear
-                }
+                if clipped { State::Clipped(Some(after), dt) } else { State::Clear }
             }
         };
         self.last = [Some(rate), last];
@@ -364,11 +341,7 @@ impl<T: Real> Axis<T> {
         // An area on the wrong side of the limit is not clipping but noise at it.
         let short = time_s.within(T::from_f32(LONGEST_S));
         let peak = short && (area < T::ZERO) == negative;
-        let size = if peak {
-            area.abs().at_most(max)
-        } else {
-            T::ZERO
-        };
+        let size = if peak { area.abs().at_most(max) } else { T::ZERO };
         let signed = size.negated(negative);
         match (limit.sure, peak) {
             (true, _) => {}
@@ -390,11 +363,7 @@ fn next(count: u8, is_next: bool) -> u8 {
 /// Time, within 0..`dt`, in which a rate that changes by `slope` covers `distance`.
 fn crossing<T: Real>(distance: T, slope: T, dt: T) -> T {
     let time_s = distance * slope.recip();
-    if time_s > T::ZERO && time_s.within(dt) {
-        time_s
-    } else {
-        T::ZERO
-    }
+    if time_s > T::ZERO && time_s.within(dt) { time_s } else { T::ZERO }
 }
 
 #[cfg(test)]

@@ -56,11 +56,7 @@ pub trait Real:
     /// Clamped to `-limit..=limit`.
     #[inline(always)]
     fn limited(self, limit: Self) -> Self {
-        if self.within(limit) {
-            self
-        } else {
-            limit.negated(self.is_negative())
-        }
+        if self.within(limit) { self } else { limit.negated(self.is_negative()) }
     }
 
     /// The smaller of two non-negative values; `limit` if `self` is NaN.
@@ -213,9 +209,7 @@ mod tests {
             let angle = i as f32 * 0.01;
             let (sin, cos) = Real::sin_cos(angle);
             let (exact_sin, exact_cos) = libm::sincos(f64::from(angle));
-            let error = (f64::from(sin) - exact_sin)
-                .abs()
-                .max((f64::from(cos) - exact_cos).abs());
+            let error = (f64::from(sin) - exact_sin).abs().max((f64::from(cos) - exact_cos).abs());
             assert!(error < 2e-7, "{angle}: {error}");
         }
         for angle in [f32::NAN, f32::INFINITY, -1e30] {

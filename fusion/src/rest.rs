@@ -174,11 +174,7 @@ impl<T: Real> Rest<T> {
             sum.map(|sum| T::from_f32(sum as f32) * k)
         };
         let (gyr, acc) = (mean(block.gyr, GYR_BITS), mean(block.acc, ACC_BITS));
-        let tight = if self.learned > 0 {
-            T::from_f32(TIGHT)
-        } else {
-            T::ONE
-        };
+        let tight = if self.learned > 0 { T::from_f32(TIGHT) } else { T::ONE };
         let steady = self.reference.as_ref().is_some_and(|(gyr_ref, acc_ref)| {
             near(&gyr, gyr_ref, self.rate_limit * tight) && near(&acc, acc_ref, self.acc_limit)
         });
@@ -250,9 +246,7 @@ mod tests {
     #[test]
     fn vibration_does_not_hide_rest() {
         let (mut rest, mut bias) = (Rest::new(&RestConfig::default()).expect("valid"), [0.0; 3]);
-        run(&mut rest, &mut bias, 3.0, |t| {
-            [0.01 + 0.05 * (t * 251.3).sin(), 0.0, 0.0]
-        });
+        run(&mut rest, &mut bias, 3.0, |t| [0.01 + 0.05 * (t * 251.3).sin(), 0.0, 0.0]);
         assert!(rest.is_at_rest());
         assert!((bias[0] - 0.01).abs() < 5e-3, "{bias:?}");
     }

@@ -30,11 +30,7 @@ impl<const N: usize> Default for Window<N> {
 impl<const N: usize> Window<N> {
     const fn new() -> Self {
         const { assert!(N > 0, "a window holds at least one sample") };
-        Self {
-            samples: [0.0; N],
-            next: 0,
-            count: 0,
-        }
+        Self { samples: [0.0; N], next: 0, count: 0 }
     }
 
     fn push(&mut self, sample: f32) {
@@ -67,9 +63,7 @@ pub struct MovingAverage<const N: usize> {
 impl<const N: usize> MovingAverage<N> {
     /// An empty window.
     pub const fn new() -> Self {
-        Self {
-            window: Window::new(),
-        }
+        Self { window: Window::new() }
     }
 
     /// Take a sample, give the mean. It sums anew each time, because a running sum would keep its
@@ -93,10 +87,7 @@ impl Exponential {
     /// not a number counts as 0: no filter.
     pub const fn new(weight: f32) -> Self {
         let weight = if weight > 1.0 { 1.0 } else { weight };
-        Self {
-            weight: if weight > 0.0 { weight } else { 0.0 },
-            mean: None,
-        }
+        Self { weight: if weight > 0.0 { weight } else { 0.0 }, mean: None }
     }
 
     /// Take a sample, give the mean.
@@ -124,18 +115,12 @@ impl<const N: usize> Weighted<N> {
         let is_size = |weight| (0.0..f32::INFINITY).contains(weight);
         let valid = weights.iter().all(is_size);
         let newest = weights.first().is_some_and(|weight| *weight > 0.0);
-        (valid && newest).then(|| Self {
-            window: Window::new(),
-            weights,
-        })
+        (valid && newest).then(|| Self { window: Window::new(), weights })
     }
 
     /// Weights `N` for the newest sample down to 1 for the oldest.
     pub fn linear() -> Self {
-        Self {
-            window: Window::new(),
-            weights: array::from_fn(|age| (N - age) as f32),
-        }
+        Self { window: Window::new(), weights: array::from_fn(|age| (N - age) as f32) }
     }
 
     /// Take a sample, give the weighted mean.
@@ -158,9 +143,7 @@ pub struct Median<const N: usize> {
 impl<const N: usize> Median<N> {
     /// An empty window.
     pub const fn new() -> Self {
-        Self {
-            window: Window::new(),
-        }
+        Self { window: Window::new() }
     }
 
     /// Take a sample, give the median.
@@ -174,11 +157,7 @@ impl<const N: usize> Median<N> {
         sorted.sort_unstable_by(f32::total_cmp);
         let at = |i: usize| sorted.get(i).copied().unwrap_or_default();
         let count = self.window.count;
-        if count % 2 == 1 {
-            at(count / 2)
-        } else {
-            0.5 * (at(count / 2 - 1) + at(count / 2))
-        }
+        if count % 2 == 1 { at(count / 2) } else { 0.5 * (at(count / 2 - 1) + at(count / 2)) }
     }
 }
 
@@ -207,10 +186,7 @@ impl<const N: usize> SavitzkyGolay<N> {
             let k = i as f32 - m;
             3.0 * (3.0 * m * m + 3.0 * m - 1.0 - 5.0 * k * k) / total
         });
-        Self {
-            window: Window::new(),
-            weights,
-        }
+        Self { window: Window::new(), weights }
     }
 
     /// Take a sample, give the smoothed value in the middle of the window.
@@ -238,10 +214,7 @@ mod tests {
 
     /// Delay behind a ramp of slope 1, once the window is full.
     fn ramp_delay(mut update: impl FnMut(f32) -> f32) -> f32 {
-        (0..400)
-            .map(|k| k as f32 - update(k as f32))
-            .last()
-            .expect("some samples")
+        (0..400).map(|k| k as f32 - update(k as f32)).last().expect("some samples")
     }
 
     #[test]
@@ -281,9 +254,8 @@ mod tests {
     #[test]
     fn an_outlier_does_not_reach_the_median() {
         let mut filter = Median::<5>::new();
-        let out: Vec<f32> = [1.0, 1.0, 1.0, 100.0, 1.0, 1.0, -50.0, 1.0]
-            .map(|x| filter.update(x))
-            .into();
+        let out: Vec<f32> =
+            [1.0, 1.0, 1.0, 100.0, 1.0, 1.0, -50.0, 1.0].map(|x| filter.update(x)).into();
         assert!(out.iter().all(|y| *y == 1.0), "{out:?}");
     }
 

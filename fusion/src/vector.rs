@@ -54,11 +54,7 @@ pub(crate) fn dot<T: Real>(a: &[T; 3], b: &[T; 3]) -> T {
 /// Vector product.
 #[inline(always)]
 pub(crate) fn cross<T: Real>(a: &[T; 3], b: &[T; 3]) -> [T; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// The diagonal matrix of this number.
@@ -103,7 +99,5 @@ pub(crate) fn observe<T: Real>(
 /// Direction of a vector; `None` below a length of 1e-6 (of numbers around 1) or beyond 1e15.
 pub(crate) fn unit<T: Real>(v: &[T; 3]) -> Option<[T; 3]> {
     let n = dot(v, v);
-    (T::from_f32(1e-12)..T::from_f32(1e30))
-        .contains(&n)
-        .then(|| scaled(v, n.sqrt().recip()))
+    (T::from_f32(1e-12)..T::from_f32(1e30)).contains(&n).then(|| scaled(v, n.sqrt().recip()))
 }

@@ -40,20 +40,12 @@ settings! {
 impl VqfGains {
     /// For [`offline`](crate#features) use: each of two averaged passes may be slower.
     pub const fn offline() -> Self {
-        Self {
-            acc_tau_s: 2.0,
-            acc_smoothing_s: 2.0,
-            mag_tau_s: 18.0,
-        }
+        Self { acc_tau_s: 2.0, acc_smoothing_s: 2.0, mag_tau_s: 18.0 }
     }
 
     /// The constants of the published filter: Butterworth with 3 s, heading 9 s.
     pub const fn published() -> Self {
-        Self {
-            acc_tau_s: 3.0,
-            acc_smoothing_s: 1.5,
-            mag_tau_s: 9.0,
-        }
+        Self { acc_tau_s: 3.0, acc_smoothing_s: 1.5, mag_tau_s: 9.0 }
     }
 }
 

@@ -65,11 +65,7 @@ fn float<F: Filter<Real = f32>>() -> impl FnMut(&Sample) -> Attitude
 where
     F::Gains: Default,
 {
-    let config = Config {
-        gyr_lag_s: 0.0,
-        acc_lag_s: 0.0,
-        ..Config::default()
-    };
+    let config = Config { gyr_lag_s: 0.0, acc_lag_s: 0.0, ..Config::default() };
     let mut estimator = Estimator::<F>::new(&config).expect("valid");
     move |sample| estimator.update(DT_S as f32, sample)
 }
@@ -82,11 +78,7 @@ fn stays_close<S: FnMut(&Sample) -> Attitude>(subject: impl Fn() -> S) {
             let (rms_deg, over) = swing(limit, mag, subject());
             println!("{limit} {mag} {rms_deg:.2} {over:.2}");
             assert!(rms_deg < most_deg, "{rms_deg} deg at {limit}, {mag}");
-            assert_eq!(
-                over > 0.5,
-                limit < PEAK,
-                "over range for {over} of the time"
-            );
+            assert_eq!(over > 0.5, limit < PEAK, "over range for {over} of the time");
         }
     }
 }

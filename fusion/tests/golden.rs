@@ -20,9 +20,7 @@ impl Hash {
     }
 
     fn word(&mut self, word: u64) {
-        self.0 = (self.0 ^ word)
-            .wrapping_mul(0x0100_0000_01b3)
-            .rotate_left(17);
+        self.0 = (self.0 ^ word).wrapping_mul(0x0100_0000_01b3).rotate_left(17);
     }
 
     fn words(&mut self, words: impl IntoIterator<Item = i32>) {
@@ -183,10 +181,7 @@ where
     let (motion, recording) = (generated(), recorded());
     let mut config = Config::<F::Gains>::default();
     hashes.push((format!("{name}, motion"), float::<F>(&config, &motion)));
-    hashes.push((
-        format!("{name}, recording"),
-        float::<F>(&config, &recording),
-    ));
+    hashes.push((format!("{name}, recording"), float::<F>(&config, &recording)));
     config = config.without_lags();
     config.declination_rad = 0.1;
     config.acc_gate = 0.3;
@@ -204,14 +199,10 @@ where
         config.field.adopt_s = 3.0;
         config
     };
-    let late = Config::<F::Gains> {
-        declination_rad: 0.1,
-        ..Config::default()
-    };
-    for (inputs_name, inputs, period_us) in [
-        ("motion", generated(), 10_000),
-        ("recording", recorded(), 3_500),
-    ] {
+    let late = Config::<F::Gains> { declination_rad: 0.1, ..Config::default() };
+    for (inputs_name, inputs, period_us) in
+        [("motion", generated(), 10_000), ("recording", recorded(), 3_500)]
+    {
         let ideal = fixed::Estimator::<F, fixed::Ideal>::new(&ideal, &SCALE, period_us);
         let known = fixed::Estimator::<F, fixed::Late>::new(&late, &SCALE, period_us);
         for (variant, hash) in [
@@ -226,20 +217,14 @@ where
 fn compare(name: &str, hashes: &Hashes) {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/");
     let path = format!("{folder}{name}.txt");
-    let now: String = hashes
-        .iter()
-        .map(|(name, hash)| format!("{hash:016x} {name}\n"))
-        .collect();
+    let now: String = hashes.iter().map(|(name, hash)| format!("{hash:016x} {name}\n")).collect();
     if std::env::var_os("GOLDEN").is_some_and(|value| value == "overwrite") {
         std::fs::write(&path, now).expect("the folder is writable");
         return;
     }
     let golden = std::fs::read_to_string(&path).expect("it is in the repository");
-    let differ: Vec<_> = golden
-        .lines()
-        .zip(now.lines())
-        .filter(|(golden, now)| golden != now)
-        .collect();
+    let differ: Vec<_> =
+        golden.lines().zip(now.lines()).filter(|(golden, now)| golden != now).collect();
     assert!(
         differ.is_empty() && golden.lines().count() == now.lines().count(),
         "these bits have changed; GOLDEN=overwrite takes them over: {differ:#?}"
@@ -261,10 +246,8 @@ fn float_filters_keep_their_bits() {
     float_of::<Madgwick<f64>>("madgwick f64", &mut hashes);
     float_of::<Vqf<f64>>("vqf f64", &mut hashes);
     float_of::<Kalman<f64>>("kalman f64", &mut hashes);
-    let integral = Config::with_gains(MahonyGains {
-        integral_per_s2: 0.01,
-        ..MahonyGains::default()
-    });
+    let integral =
+        Config::with_gains(MahonyGains { integral_per_s2: 0.01, ..MahonyGains::default() });
     let hash = float::<Mahony<f32>>(&integral, &generated());
     hashes.push(("mahony f32 with integral, motion".into(), hash));
     compare("float", &hashes);

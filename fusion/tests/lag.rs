@@ -19,14 +19,9 @@ fn errors_deg((acc_s, mag_s): (f64, f64), mut step: impl FnMut(&Sample) -> Quate
             |age_s: f64| (truth * UnitQuaternion::from_scaled_axis(-rate * age_s)).inverse();
         let sample = Sample {
             gyr: rate.cast().into(),
-            acc: (before(acc_s) * Vector3::new(0.0, 0.0, -f64::from(GRAVITY)))
-                .cast()
-                .into(),
-            mag: (k % 4 == 0).then(|| {
-                (before(mag_s) * Vector3::new(17.1, 0.0, 47.0))
-                    .cast()
-                    .into()
-            }),
+            acc: (before(acc_s) * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast().into(),
+            mag: (k % 4 == 0)
+                .then(|| (before(mag_s) * Vector3::new(17.1, 0.0, 47.0)).cast().into()),
         };
         let q = step(&sample);
         if t > 60.0 {
@@ -42,9 +37,7 @@ fn errors_deg((acc_s, mag_s): (f64, f64), mut step: impl FnMut(&Sample) -> Quate
 /// The same of a filter in float; and the field's lag that it has learned, s.
 fn error_deg<F: Filter<Real = f32>>(late: (f64, f64), config: &Config<F::Gains>) -> (f64, f32) {
     let mut estimator = Estimator::<F>::new(config).expect("valid");
-    let error = errors_deg(late, |sample| {
-        estimator.update(DT_S as f32, sample).orientation
-    });
+    let error = errors_deg(late, |sample| estimator.update(DT_S as f32, sample).orientation);
     (error, estimator.mag_lag_s())
 }
 
@@ -81,11 +74,7 @@ where
     };
     let error = error_deg(&ignored);
     assert!(error > 1.5, "{error} deg where the lags are ignored");
-    let error = error_deg(&Config {
-        acc_lag_s: 0.006,
-        mag_lag_s: 0.03,
-        ..ignored
-    });
+    let error = error_deg(&Config { acc_lag_s: 0.006, mag_lag_s: 0.03, ..ignored });
     assert!(error < 0.2, "{error} deg where the lags are known");
 }
 
@@ -113,19 +102,11 @@ where
     let late = (0.006, 0.03);
     let (error, _) = error_deg::<F>(late, &ignored);
     assert!(error > 1.5, "{error} deg where the lags are ignored");
-    let known = Config {
-        acc_lag_s: 0.006,
-        mag_lag_s: 0.03,
-        ..ignored
-    };
+    let known = Config { acc_lag_s: 0.006, mag_lag_s: 0.03, ..ignored };
     let (error, lag_s) = error_deg::<F>(late, &known);
     assert!(error < 0.15, "{error} deg where the lags are known");
     assert_eq!(lag_s, 0.03);
-    let learned = Config {
-        gyr_lag_s: 0.0,
-        acc_lag_s: 0.006,
-        ..Config::default()
-    };
+    let learned = Config { gyr_lag_s: 0.0, acc_lag_s: 0.006, ..Config::default() };
     let (error, lag_s) = error_deg::<F>(late, &learned);
     assert!((lag_s - 0.03).abs() < 0.003, "{lag_s} s learned");
     assert!(error < 0.6, "{error} deg where the field's lag is learned");
@@ -147,11 +128,7 @@ fn the_attitude_is_that_of_the_present() {
     let late_s = 0.02;
     let dt_s = 0.01;
     let mut truth = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3);
-    let config = Config {
-        gyr_lag_s: late_s as f32,
-        acc_lag_s: 0.0,
-        ..Config::default()
-    };
+    let config = Config { gyr_lag_s: late_s as f32, acc_lag_s: 0.0, ..Config::default() };
     let mut estimator = Estimator::<Vqf<f64>>::new(&config).expect("valid");
     let rate_at = |k: u32| {
         let t = f64::from(k) * dt_s;
@@ -165,9 +142,7 @@ fn the_attitude_is_that_of_the_present() {
         then = [then[1], then[2], truth];
         let sample = Sample {
             gyr: rate_at(k.saturating_sub(2)).cast().into(),
-            acc: (then[0].inverse() * Vector3::new(0.0, 0.0, -f64::from(GRAVITY)))
-                .cast()
-                .into(),
+            acc: (then[0].inverse() * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast().into(),
             mag: None,
         };
         let q = estimator.update(dt_s as f32, &sample).orientation;

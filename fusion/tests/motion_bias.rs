@@ -73,11 +73,7 @@ fn errors<F: Filter<Real = f32>>(
         count += 1.0;
     }
     let bias: Vector3<f64> = Vector3::from(estimator.attitude().bias).cast();
-    (
-        f64::sqrt(sum / count),
-        (bias - offset).norm() / DEG,
-        estimator.quality(),
-    )
+    (f64::sqrt(sum / count), (bias - offset).norm() / DEG, estimator.quality())
 }
 
 /// With the offset found in motion, and as it was without.
@@ -87,10 +83,7 @@ where
 {
     let moving = Config::<F::Gains>::default().without_lags();
     let waiting = Config {
-        rest: RestConfig {
-            motion_tilt_rad: f32::INFINITY,
-            ..RestConfig::default()
-        },
+        rest: RestConfig { motion_tilt_rad: f32::INFINITY, ..RestConfig::default() },
         ..Config::default().without_lags()
     };
     for (motion, offset_deg_s) in [

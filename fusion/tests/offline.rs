@@ -30,9 +30,7 @@ fn recording(offset: Vector3<f64>) -> Vec<(TimedSample, UnitQuaternion<f64>)> {
         let back = truth.inverse();
         let sample = Sample {
             gyr: (rate + offset).cast().into(),
-            acc: (back * (shake + Vector3::new(0.0, 0.0, -f64::from(GRAVITY))))
-                .cast()
-                .into(),
+            acc: (back * (shake + Vector3::new(0.0, 0.0, -f64::from(GRAVITY)))).cast().into(),
             mag: Some((back * Vector3::new(17.1, 0.0, 47.0) + stir).cast().into()),
         };
         let dt_s = DT_S as f32;
@@ -72,10 +70,8 @@ fn split(
 fn what_is_learned_late_counts_from_the_beginning() {
     let (samples, truth) = split(recording(Vector3::new(0.01, -0.02, 0.03)));
     let mut causal = Estimator::<Vqf<f64>>::new(&config()).expect("valid");
-    let forth: Vec<_> = samples
-        .iter()
-        .map(|timed| causal.update(timed.dt_s, &timed.sample))
-        .collect();
+    let forth: Vec<_> =
+        samples.iter().map(|timed| causal.update(timed.dt_s, &timed.sample)).collect();
     let both = smooth::<Vqf<f64>>(&config(), &samples).expect("valid");
     let (forth, both_rms) = (rms_deg(&forth, &truth), rms_deg(&both, &truth));
     assert!(forth > 1.5, "{forth} deg forth alone");
@@ -92,17 +88,9 @@ fn time_has_no_direction() {
     let turned: Vec<_> = (0..samples.len())
         .rev()
         .map(|k| {
-            let rate = samples
-                .get(k + 1)
-                .map(|next| next.sample.gyr.map(|rate| -rate));
-            let sample = Sample {
-                gyr: rate.unwrap_or_default(),
-                ..samples[k].sample
-            };
-            TimedSample {
-                dt_s: DT_S as f32,
-                sample,
-            }
+            let rate = samples.get(k + 1).map(|next| next.sample.gyr.map(|rate| -rate));
+            let sample = Sample { gyr: rate.unwrap_or_default(), ..samples[k].sample };
+            TimedSample { dt_s: DT_S as f32, sample }
         })
         .collect();
     let plain = smooth::<Mahony<f64>>(&Config::default().without_lags(), &samples).expect("valid");

@@ -21,11 +21,9 @@ fn recording(acc_lag_s: f32, mag_lag_s: f32) -> impl Iterator<Item = fixed::Coun
     (0..MINUTES * 60_000).map(move |k| {
         let t = f64::from(k) * 1e-3;
         let lively = if t < 5.0 { 0.0 } else { 1.0 };
-        let rate = Vector3::new(
-            (1.1 * t).sin() * 3.0,
-            (0.7 * t).cos() * 2.5,
-            (0.4 * t).sin() * 4.0,
-        ) * lively;
+        let rate =
+            Vector3::new((1.1 * t).sin() * 3.0, (0.7 * t).cos() * 2.5, (0.4 * t).sin() * 4.0)
+                * lively;
         truth *= UnitQuaternion::from_scaled_axis(rate * 1e-3);
         let motion = Vector3::new((2.1 * t).sin(), (3.3 * t).cos(), (1.7 * t).sin()) * 3.0 * lively;
         let mut noise = || {
@@ -89,15 +87,11 @@ where
     G: fixed::Filter<Gains = F::Gains>,
     F::Gains: Default,
 {
-    let known = Config {
-        mag_lag_prior_rad2_s: f32::INFINITY,
-        ..Config::default()
-    };
+    let known = Config { mag_lag_prior_rad2_s: f32::INFINITY, ..Config::default() };
     // A vector that is brought to the present is rounded to counts once more.
-    for (name, config, limit) in [
-        ("no lags", Config::default().without_lags(), 0.02),
-        ("lags", known, 0.025),
-    ] {
+    for (name, config, limit) in
+        [("no lags", Config::default().without_lags(), 0.02), ("lags", known, 0.025)]
+    {
         let estimator = fixed::Estimator::<G>::new(&config, &SCALE, 1000).expect("valid");
         let mut state = estimator.start();
         let (rms, most) = compare::<F>(&config, |counts| {

@@ -53,9 +53,7 @@ impl Body {
             let field = Vector3::new(self.dip.cos(), 0.0, self.dip.sin()) * 50.0;
             let sample = Sample {
                 gyr: (rate + self.offset).cast().into(),
-                acc: (back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY)))
-                    .cast()
-                    .into(),
+                acc: (back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast().into(),
                 mag: magnet.map(|by| (back * field * (1.0 + by * (1.5 + t.sin()))).cast().into()),
             };
             self.estimator.update(DT_S as f32, &sample);
@@ -76,10 +74,7 @@ impl Body {
             assert!((0.7..1.4).contains(&(fixed / float)), "{both}");
         }
         assert_eq!(float.bias, fixed.bias, "{both}");
-        assert_eq!(
-            float.heading_is_observable, fixed.heading_is_observable,
-            "{both}"
-        );
+        assert_eq!(float.heading_is_observable, fixed.heading_is_observable, "{both}");
         match (float.field_age_s, fixed.field_age_s) {
             (Some(float), Some(fixed)) => assert!((float - fixed).abs() < 1.0, "{both}"),
             (float, fixed) => assert_eq!(float, fixed, "{both}"),
@@ -138,11 +133,7 @@ fn an_offset_that_is_not_known_shows() {
     assert_eq!(moving.bias, BiasState::Unknown);
     assert!(moving.bias_rad_s > 0.015, "{moving:?}");
     let sigmas = body.error() / f64::from(moving.tilt_rad);
-    assert!(
-        (0.2..3.0).contains(&sigmas),
-        "{} of {moving:?}",
-        body.error()
-    );
+    assert!((0.2..3.0).contains(&sigmas), "{} of {moving:?}", body.error());
     let rested = body.still(30.0);
     assert_eq!(rested.bias, BiasState::Known);
     assert!(rested.bias_rad_s < 1e-3, "{rested:?}");
@@ -159,15 +150,9 @@ fn an_offset_that_motion_shows_is_better_known() {
     assert_eq!(moving.bias, BiasState::Unknown);
     let bias: Vector3<f64> = Vector3::from(body.estimator.attitude().bias).cast();
     let off = (bias - body.offset).norm();
-    assert!(
-        off < 4.0 * f64::from(moving.bias_rad_s),
-        "{off} of {moving:?}"
-    );
+    assert!(off < 4.0 * f64::from(moving.bias_rad_s), "{off} of {moving:?}");
     assert!(moving.bias_rad_s < 0.005, "{moving:?}");
-    assert!(
-        body.error() < 3.0 * f64::from(moving.tilt_rad),
-        "{moving:?}"
-    );
+    assert!(body.error() < 3.0 * f64::from(moving.tilt_rad), "{moving:?}");
 }
 
 /// Nothing is said to be known of an offset of 6 deg/s, which counts as a turn.
@@ -214,10 +199,7 @@ fn a_heading_that_nothing_shows_grows_uncertain_and_the_tilt_does_not() {
     let after = body.run(50.0, 1.0, Some(2.0));
     let age_s = after.field_age_s.expect("there was one");
     assert!((49.0..51.0).contains(&age_s), "{age_s}");
-    assert!(
-        after.heading_rad > 1.5 * before.heading_rad,
-        "{before:?} {after:?}"
-    );
+    assert!(after.heading_rad > 1.5 * before.heading_rad, "{before:?} {after:?}");
     assert!((after.tilt_rad - before.tilt_rad).abs() < 0.2 * before.tilt_rad);
 }
 
@@ -234,17 +216,12 @@ fn a_gap_makes_everything_uncertain_but_the_offset() {
     let before = body.still(30.0);
     let still = Sample {
         gyr: body.offset.cast().into(),
-        acc: (body.attitude.inverse() * Vector3::new(0.0, 0.0, -f64::from(GRAVITY)))
-            .cast()
-            .into(),
+        acc: (body.attitude.inverse() * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast().into(),
         mag: None,
     };
     body.estimator.update(5.0, &still);
     let after = body.estimator.quality();
-    assert!(
-        after.tilt_rad > 10.0 * before.tilt_rad,
-        "{before:?} {after:?}"
-    );
+    assert!(after.tilt_rad > 10.0 * before.tilt_rad, "{before:?} {after:?}");
     assert!(after.heading_rad > 5.0 * before.heading_rad);
     assert!(after.bias_rad_s < 1e-3);
     let settled = body.still(20.0);

@@ -15,36 +15,16 @@ const G: f32 = GRAVITY;
 /// count.
 const SENSORS: [(&str, &[f32], &[f32], f32); 6] = [
     ("BNO055", &[16.0], &[980.665], 0.0625),
-    (
-        "BMI270",
-        &[262.4, 131.2, 65.6, 32.8, 16.4],
-        &[16_384.0, 8_192.0, 4_096.0, 2_048.0],
-        0.3,
-    ),
-    (
-        "ICM-20948",
-        &[131.0, 65.5, 32.8, 16.4],
-        &[16_384.0, 8_192.0, 4_096.0, 2_048.0],
-        0.15,
-    ),
+    ("BMI270", &[262.4, 131.2, 65.6, 32.8, 16.4], &[16_384.0, 8_192.0, 4_096.0, 2_048.0], 0.3),
+    ("ICM-20948", &[131.0, 65.5, 32.8, 16.4], &[16_384.0, 8_192.0, 4_096.0, 2_048.0], 0.15),
     (
         "LSM6DSO",
         &[228.57, 114.29, 57.14, 28.57, 14.286],
         &[16_393.4, 8_196.7, 4_098.4, 2_049.2],
         0.15,
     ),
-    (
-        "MPU-6050",
-        &[131.0, 65.5, 32.8, 16.4],
-        &[16_384.0, 8_192.0, 4_096.0, 2_048.0],
-        0.3,
-    ),
-    (
-        "MPU-9250",
-        &[131.0, 65.5, 32.8, 16.4],
-        &[16_384.0, 8_192.0, 4_096.0, 2_048.0],
-        0.6,
-    ),
+    ("MPU-6050", &[131.0, 65.5, 32.8, 16.4], &[16_384.0, 8_192.0, 4_096.0, 2_048.0], 0.3),
+    ("MPU-9250", &[131.0, 65.5, 32.8, 16.4], &[16_384.0, 8_192.0, 4_096.0, 2_048.0], 0.6),
 ];
 
 const RATES_HZ: [u32; 6] = [104, 200, 400, 833, 1_000, 2_000];
@@ -81,11 +61,7 @@ fn error_deg<F: Filter<Gains: Default>>(scale: &Scale, rate_hz: u32) -> f64 {
     let mut truth = UnitQuaternion::from_euler_angles(0.3, -0.2, 1.0);
     for k in 0..(15.0 / dt_s) as u32 {
         let t = f64::from(k) * dt_s;
-        let moving = if t < 10.0 {
-            0.0
-        } else {
-            (largest / 3.0).min(3.0)
-        };
+        let moving = if t < 10.0 { 0.0 } else { (largest / 3.0).min(3.0) };
         let rate = Vector3::new((5.0 * t).sin(), (3.0 * t).cos(), (4.0 * t).sin()) * moving;
         truth *= UnitQuaternion::from_scaled_axis(rate * dt_s);
         let back = truth.inverse();
@@ -114,10 +90,7 @@ fn error_deg<F: Filter<Gains: Default>>(scale: &Scale, rate_hz: u32) -> f64 {
 fn the_attitude_is_right_with_every_sensor_of_the_market() {
     for (name, scale) in scales() {
         for rate_hz in RATES_HZ {
-            let errors = [
-                error_deg::<Vqf>(&scale, rate_hz),
-                error_deg::<Mahony>(&scale, rate_hz),
-            ];
+            let errors = [error_deg::<Vqf>(&scale, rate_hz), error_deg::<Mahony>(&scale, rate_hz)];
             let worst = errors.into_iter().fold(0.0, f64::max);
             assert!(worst < 1.5, "{name}, {rate_hz} Hz: {errors:?}");
         }
@@ -128,10 +101,7 @@ fn the_attitude_is_right_with_every_sensor_of_the_market() {
 #[test]
 fn a_scale_that_has_no_room_is_refused_by_name() {
     let (_, scale) = scales().last().expect("some sensors");
-    let scale = Scale {
-        gyr_rad_s: 0.07_f32.to_radians(),
-        ..scale
-    };
+    let scale = Scale { gyr_rad_s: 0.07_f32.to_radians(), ..scale };
     let refused = Estimator::<Vqf>::new(&Config::default(), &scale, 10_000).map(|_| ());
     assert_eq!(refused, Err(ConfigError::OutOfRange("period_us")));
     assert!(Estimator::<Vqf>::new(&Config::default(), &scale, 9_615).is_ok());
@@ -148,12 +118,7 @@ fn any_count() -> impl Strategy<Value = i16> {
 /// A sample, how often it comes, and how long after the one before, us.
 fn any_steps() -> impl Strategy<Value = Vec<([i16; 9], bool, u16, u32)>> {
     let dt_us = prop_oneof![6 => 400_u32..12_000, 1 => 0_u32..200_000, 1 => any::<u32>()];
-    let step = (
-        prop::array::uniform9(any_count()),
-        any::<bool>(),
-        1_u16..400,
-        dt_us,
-    );
+    let step = (prop::array::uniform9(any_count()), any::<bool>(), 1_u16..400, dt_us);
     prop::collection::vec(step, 1..20)
 }
 
@@ -162,16 +127,8 @@ fn any_scale() -> impl Strategy<Value = Scale> {
         let (low, high) = (range.start().ln(), range.end().ln());
         (0.0_f32..=1.0).prop_map(move |share| (low + share * (high - low)).exp())
     };
-    (
-        within(Scale::GYR_RAD_S),
-        within(Scale::ACC_M_S2),
-        within(Scale::MAG_UT),
-    )
-        .prop_map(|(gyr_rad_s, acc_m_s2, mag_ut)| Scale {
-            gyr_rad_s,
-            acc_m_s2,
-            mag_ut,
-        })
+    (within(Scale::GYR_RAD_S), within(Scale::ACC_M_S2), within(Scale::MAG_UT))
+        .prop_map(|(gyr_rad_s, acc_m_s2, mag_ut)| Scale { gyr_rad_s, acc_m_s2, mag_ut })
 }
 
 fn take<F: Filter>(estimator: &Estimator<F>, steps: &[([i16; 9], bool, u16, u32)]) {
@@ -203,12 +160,7 @@ fn survives<F: Filter<Gains: Default>>(
     [gyr_lag_s, acc_lag_s, mag_lag_s]: [f32; 3],
     steps: &[([i16; 9], bool, u16, u32)],
 ) {
-    let config = Config::<F::Gains> {
-        gyr_lag_s,
-        acc_lag_s,
-        mag_lag_s,
-        ..Config::default()
-    };
+    let config = Config::<F::Gains> { gyr_lag_s, acc_lag_s, mag_lag_s, ..Config::default() };
     // A scale for which the gains have no room is refused.
     if let Ok(estimator) = Estimator::<F>::new(&config, scale, period_us) {
         take(&estimator, steps);

@@ -8,11 +8,7 @@ fn fixed_s(period_us: u32) -> f64 {
     let estimator = Estimator::<Vqf>::new(&Config::default(), &Scale::BNO055, period_us)
         .expect("the configuration is valid");
     let mut state = estimator.start();
-    let rest = Counts {
-        gyr: [16, 0, 0],
-        acc: [0, 0, -981],
-        mag: None,
-    };
+    let rest = Counts { gyr: [16, 0, 0], acc: [0, 0, -981], mag: None };
     let samples = (1..).find(|_| {
         estimator.update(&mut state, period_us, &rest);
         (estimator.bias_q9(&state)[0] - (16 << 9)).abs() < 819
@@ -24,11 +20,7 @@ fn float_s(period_us: u32) -> f64 {
     let mut estimator = tvc_fusion::Estimator::<tvc_fusion::Vqf<f32>>::new(&Config::default())
         .expect("the configuration is valid");
     let rate = 16.0 * Scale::BNO055.gyr_rad_s;
-    let rest = Sample {
-        gyr: [rate, 0.0, 0.0],
-        acc: [0.0, 0.0, -9.81],
-        mag: None,
-    };
+    let rest = Sample { gyr: [rate, 0.0, 0.0], acc: [0.0, 0.0, -9.81], mag: None };
     let samples = (1..).find(|_| {
         let attitude = estimator.update(period_us as f32 * 1e-6, &rest);
         (attitude.bias[0] - rate).abs() < 0.1 * rate

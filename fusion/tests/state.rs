@@ -17,9 +17,7 @@ fn sample(truth: &UnitQuaternion<f64>, rate: Vector3<f64>, offset: Vector3<f64>)
     let back = truth.inverse();
     Sample {
         gyr: (rate + offset).cast().into(),
-        acc: (back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY)))
-            .cast()
-            .into(),
+        acc: (back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast().into(),
         mag: Some((back * field()).cast().into()),
     }
 }
@@ -61,10 +59,7 @@ fn a_restored_estimator_goes_on_as_if_nothing_had_happened() {
     let offset = Vector3::new(0.02, -0.03, 0.04);
     let mut truth = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3);
     let mut first = started::<Vqf<f64>>();
-    assert_eq!(
-        (first.state().orientation, first.state().bias),
-        (None, None)
-    );
+    assert_eq!((first.state().orientation, first.state().bias), (None, None));
     for _ in 0..6_000 {
         first.update(DT_S, &sample(&truth, Vector3::zeros(), offset));
     }
@@ -104,55 +99,25 @@ fn a_time_that_has_passed_is_a_gap() {
 #[test]
 fn impossible_states_are_refused_by_name_and_change_nothing() {
     let mut estimator = started::<Vqf<f64>>();
-    let nothing = State {
-        orientation: None,
-        bias: None,
-        field: None,
-        mag_lag_s: None,
-    };
-    let zero = Quaternion {
-        w: 0.0,
-        ..Quaternion::IDENTITY
-    };
+    let nothing = State { orientation: None, bias: None, field: None, mag_lag_s: None };
+    let zero = Quaternion { w: 0.0, ..Quaternion::IDENTITY };
     let bad = [
         (
             "state.orientation",
-            State {
-                orientation: Some(zero),
-                bias: Some([0.1, 0.0, 0.0]),
-                ..nothing
-            },
+            State { orientation: Some(zero), bias: Some([0.1, 0.0, 0.0]), ..nothing },
         ),
-        (
-            "state.bias",
-            State {
-                bias: Some([f64::NAN, 0.0, 0.0]),
-                ..nothing
-            },
-        ),
+        ("state.bias", State { bias: Some([f64::NAN, 0.0, 0.0]), ..nothing }),
         (
             "state.field",
             State {
-                field: Some(tvc_fusion::FieldReference {
-                    horizontal: 0.0,
-                    down: 40.0,
-                }),
+                field: Some(tvc_fusion::FieldReference { horizontal: 0.0, down: 40.0 }),
                 ..nothing
             },
         ),
-        (
-            "state.mag_lag_s",
-            State {
-                mag_lag_s: Some(1.0),
-                ..nothing
-            },
-        ),
+        ("state.mag_lag_s", State { mag_lag_s: Some(1.0), ..nothing }),
     ];
     for (name, state) in bad {
-        assert_eq!(
-            estimator.restore(&state),
-            Err(ConfigError::OutOfRange(name))
-        );
+        assert_eq!(estimator.restore(&state), Err(ConfigError::OutOfRange(name)));
     }
     assert_eq!(estimator.attitude().bias, [0.0; 3]);
     assert_eq!(estimator.restore(&nothing), Ok(()));
@@ -162,10 +127,7 @@ fn impossible_states_are_refused_by_name_and_change_nothing() {
 fn a_heading_is_set_without_a_tilt() {
     let mut truth = UnitQuaternion::from_euler_angles(0.4, -0.6, 1.0);
     let mut estimator = started::<Mahony<f64>>();
-    let blind = |truth| Sample {
-        mag: None,
-        ..sample(truth, Vector3::zeros(), Vector3::zeros())
-    };
+    let blind = |truth| Sample { mag: None, ..sample(truth, Vector3::zeros(), Vector3::zeros()) };
     for _ in 0..300 {
         estimator.update(DT_S, &blind(&truth));
     }
@@ -205,15 +167,9 @@ fn gains_change_while_running_and_impossible_ones_do_not() {
         slow.update(DT_S, &still(&truth));
     }
     let mut fast = slow.clone();
-    let gains = MahonyGains {
-        acc_per_s: 2.0,
-        ..MahonyGains::default()
-    };
+    let gains = MahonyGains { acc_per_s: 2.0, ..MahonyGains::default() };
     fast.set_gains(&gains).expect("valid");
-    let error = fast.set_gains(&MahonyGains {
-        acc_per_s: f32::NAN,
-        ..gains
-    });
+    let error = fast.set_gains(&MahonyGains { acc_per_s: f32::NAN, ..gains });
     assert_eq!(error, Err(ConfigError::OutOfRange("acc_per_s")));
     for _ in 0..100 {
         fast.update(DT_S, &still(&off));
@@ -225,16 +181,8 @@ fn gains_change_while_running_and_impossible_ones_do_not() {
         let true_up = off.inverse() * Vector3::new(0.0, 0.0, -1.0);
         Vector3::from(up).angle(&true_up)
     };
-    assert!(
-        (left(&fast) - 0.1 * (-2.0f64).exp()).abs() < 2e-3,
-        "{}",
-        left(&fast)
-    );
-    assert!(
-        (left(&slow) - 0.1 * (-0.2f64).exp()).abs() < 2e-3,
-        "{}",
-        left(&slow)
-    );
+    assert!((left(&fast) - 0.1 * (-2.0f64).exp()).abs() < 2e-3, "{}", left(&fast));
+    assert!((left(&slow) - 0.1 * (-0.2f64).exp()).abs() < 2e-3, "{}", left(&slow));
     // What VQF has smoothed stays.
     let mut vqf = started::<Vqf<f64>>();
     assert!(vqf.set_gains(&VqfGains::published()).is_ok());
@@ -245,12 +193,7 @@ fn accelerations_are_told_apart_from_gravity() {
     let truth = UnitQuaternion::from_euler_angles(0.4, -0.6, 1.0);
     let q = truth.quaternion();
     let attitude = Attitude {
-        orientation: Quaternion {
-            w: q.w,
-            x: q.i,
-            y: q.j,
-            z: q.k,
-        },
+        orientation: Quaternion { w: q.w, x: q.i, y: q.j, z: q.k },
         ..started::<Vqf<f64>>().attitude()
     };
     let down = truth.inverse() * Vector3::new(0.0, 0.0, f64::from(GRAVITY));

@@ -19,10 +19,7 @@ fn a_state_comes_back_to_the_bit() {
     let state = estimator.state();
     assert!(state.bias.is_some() && state.field.is_some());
     let text = serde_json::to_string(&state).expect("finite");
-    assert_eq!(
-        serde_json::from_str::<State>(&text).expect("just written"),
-        state
-    );
+    assert_eq!(serde_json::from_str::<State>(&text).expect("just written"), state);
 }
 
 #[test]

@@ -31,10 +31,7 @@ fn starts_at_any_attitude<S: Subject>() {
         let attitude = rest(&mut subject, &truth, bias, true, 1.5);
         assert!(attitude.flags.initialised);
         let error = error_deg(&attitude.orientation, &truth);
-        assert!(
-            error < 6.0,
-            "{error} deg after a second and a half at {roll} {pitch} {yaw}"
-        );
+        assert!(error < 6.0, "{error} deg after a second and a half at {roll} {pitch} {yaw}");
         let attitude = rest(&mut subject, &truth, bias, true, 60.0);
         assert!(
             attitude.flags.at_rest && !attitude.flags.mag_disturbed && !attitude.flags.acc_rejected
@@ -110,10 +107,7 @@ fn is_equivariant<S: Subject>() {
             let b = turned.step(i64::from(DT_US), &b).orientation;
             if k > 5000 {
                 let apart = (oracle(&a) * r).angle_to(&oracle(&b)) / DEG;
-                assert!(
-                    apart < 0.1 + 2.0 * S::RESOLUTION_DEG,
-                    "{apart} deg apart at step {k}"
-                );
+                assert!(apart < 0.1 + 2.0 * S::RESOLUTION_DEG, "{apart} deg apart at step {k}");
             }
         }
     }
@@ -122,9 +116,7 @@ fn is_equivariant<S: Subject>() {
 fn a_magnet_turns_neither_roll_nor_pitch<S: Subject>() {
     let truth = UnitQuaternion::from_euler_angles(0.4, -0.6, 1.0);
     let mut subject = S::start();
-    let before = rest(&mut subject, &truth, Vector3::zeros(), true, 10.0)
-        .orientation
-        .up();
+    let before = rest(&mut subject, &truth, Vector3::zeros(), true, 10.0).orientation.up();
     let mut last = None;
     for k in 0..12_000 {
         let mut disturbed = sample(&truth, Vector3::zeros(), true);
@@ -135,29 +127,17 @@ fn a_magnet_turns_neither_roll_nor_pitch<S: Subject>() {
     let after = last.expect("some samples");
     assert!(after.flags.mag_disturbed);
     let moved = (Vector3::from(before) - Vector3::from(after.orientation.up())).norm();
-    assert!(
-        f64::from(moved) < 1e-4 + 2e-3 * S::RESOLUTION_DEG,
-        "{moved}"
-    );
+    assert!(f64::from(moved) < 1e-4 + 2e-3 * S::RESOLUTION_DEG, "{moved}");
 }
 
 fn works_without_a_magnetometer<S: Subject>() {
     let truth = UnitQuaternion::from_euler_angles(0.7, -0.4, 0.0);
     let mut subject = S::start();
-    let attitude = rest(
-        &mut subject,
-        &truth,
-        Vector3::new(0.0, 0.01, -0.02),
-        false,
-        30.0,
-    );
+    let attitude = rest(&mut subject, &truth, Vector3::new(0.0, 0.01, -0.02), false, 30.0);
     assert!(attitude.flags.initialised && !attitude.flags.mag_disturbed);
     let up: Vector3<f64> = Vector3::from(attitude.orientation.up()).cast();
     let apart = up.angle(&(truth.inverse() * Vector3::new(0.0, 0.0, -1.0))) / DEG;
-    assert!(
-        apart < if S::CORRECTS { 0.05 } else { 2.0 } + 0.5 * S::RESOLUTION_DEG,
-        "{apart}"
-    );
+    assert!(apart < if S::CORRECTS { 0.05 } else { 2.0 } + 0.5 * S::RESOLUTION_DEG, "{apart}");
 }
 
 fn time_that_stands_still_turns_nothing<S: Subject>() {
@@ -199,10 +179,7 @@ fn a_gap_is_bridged_by_a_slow_magnetometer<S: Subject>() {
     let truth = UnitQuaternion::from_euler_angles(0.4, -0.6, 1.0);
     let mut subject = S::start();
     for k in 0..2_000 {
-        subject.step(
-            i64::from(DT_US),
-            &sample(&truth, Vector3::zeros(), k % 10 == 0),
-        );
+        subject.step(i64::from(DT_US), &sample(&truth, Vector3::zeros(), k % 10 == 0));
     }
     let turned = truth * UnitQuaternion::from_euler_angles(0.3, 0.2, 1.2);
     subject.step(3_000_000, &sample(&turned, Vector3::zeros(), false));
@@ -229,11 +206,7 @@ fn free_fall_and_saturation_do_no_harm<S: Subject>() {
     for _ in 0..50 {
         let attitude = subject.step(
             i64::from(DT_US),
-            &Sample {
-                gyr: full.into(),
-                acc: full.into(),
-                mag: Some(full.into()),
-            },
+            &Sample { gyr: full.into(), acc: full.into(), mag: Some(full.into()) },
         );
         assert!((norm(&attitude.orientation) - 1.0).abs() < 1e-5);
         assert!(attitude.rate.iter().all(|r| r.is_finite()));
@@ -299,13 +272,7 @@ fn survives<S: Subject>(steps: &[(i64, [f32; 9], bool)]) {
             let n = norm(&attitude.orientation);
             // Ordinary motion keeps 1e-5, see `hours_leave_the_norm_alone`.
             assert!((n - 1.0).abs() < 1e-4, "norm {n} after {sample:?}");
-            assert!(
-                attitude
-                    .rate
-                    .iter()
-                    .chain(attitude.bias.iter())
-                    .all(|r| r.is_finite())
-            );
+            assert!(attitude.rate.iter().chain(attitude.bias.iter()).all(|r| r.is_finite()));
         }
     }
 }
@@ -324,10 +291,7 @@ fn any_steps() -> impl Strategy<Value = Vec<(i64, [f32; 9], bool)>> {
         1 => 0i64..4_000_000_000,
         1 => -1_000_000i64..1,
     ];
-    prop::collection::vec(
-        (dt_us, prop::array::uniform9(any_number()), any::<bool>()),
-        1..12,
-    )
+    prop::collection::vec((dt_us, prop::array::uniform9(any_number()), any::<bool>()), 1..12)
 }
 
 /// 64, or as many as `PROPTEST_CASES` says. A case has 240 updates on average, so that 4,500 of
@@ -441,13 +405,8 @@ fn numbers_that_are_none_change_nothing_but_flags() {
         assert_eq!(after.orientation, before.orientation);
     }
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-        let after = estimator.update(
-            0.01,
-            &Sample {
-                gyr: Vector3::new(0.0, bad, 0.0).into(),
-                ..good
-            },
-        );
+        let after =
+            estimator.update(0.01, &Sample { gyr: Vector3::new(0.0, bad, 0.0).into(), ..good });
         assert!(after.flags.skipped);
         assert_eq!(after.orientation, before.orientation);
     }
@@ -455,11 +414,7 @@ fn numbers_that_are_none_change_nothing_but_flags() {
         let bad = Vector3::new(bad, bad, bad);
         let after = estimator.update(
             0.01,
-            &Sample {
-                gyr: Vector3::zeros().into(),
-                acc: bad.into(),
-                mag: Some(bad.into()),
-            },
+            &Sample { gyr: Vector3::zeros().into(), acc: bad.into(), mag: Some(bad.into()) },
         );
         assert!(after.flags.acc_rejected && after.flags.mag_disturbed && !after.flags.skipped);
         assert!(error_deg(&after.orientation, &truth) < 0.1);
@@ -471,21 +426,14 @@ fn declination_makes_north_geographic() {
     let truth = UnitQuaternion::from_euler_angles(0.2, -0.3, 1.0);
     let declination_rad = 0.076f32;
     let expected = UnitQuaternion::from_euler_angles(0.0, 0.0, f64::from(declination_rad)) * truth;
-    let config = Config {
-        declination_rad,
-        ..Config::default()
-    };
+    let config = Config { declination_rad, ..Config::default() };
     let mut float = Estimator::<Mahony>::new(&config).expect("valid");
     let mut fixed = Fixed::<fixed::Mahony>::new(&config, &fixed::Scale::BNO055);
-    let error = error_deg(
-        &rest(&mut float, &truth, Vector3::zeros(), true, 20.0).orientation,
-        &expected,
-    );
+    let error =
+        error_deg(&rest(&mut float, &truth, Vector3::zeros(), true, 20.0).orientation, &expected);
     assert!(error < 0.05, "{error}");
-    let error = error_deg(
-        &rest(&mut fixed, &truth, Vector3::zeros(), true, 20.0).orientation,
-        &expected,
-    );
+    let error =
+        error_deg(&rest(&mut fixed, &truth, Vector3::zeros(), true, 20.0).orientation, &expected);
     assert!(error < 0.4, "{error}");
 }
 
@@ -498,10 +446,7 @@ fn a_start_exactly_at_the_accelerometers_tilt_has_no_gradient_to_normalise() {
             acc: Vector3::new(0.0, 0.0, -GRAVITY).into(),
             mag: None,
         };
-        assert_eq!(
-            estimator.update(0.01, &level).orientation,
-            Quaternion::IDENTITY
-        );
+        assert_eq!(estimator.update(0.01, &level).orientation, Quaternion::IDENTITY);
     }
 }
 
@@ -522,10 +467,7 @@ fn a_field_in_parts_of_the_earths_is_a_compass() {
     let truth = UnitQuaternion::from_euler_angles(0.2, -0.3, 2.0);
     let mut plain = sample(&truth, Vector3::zeros(), true);
     plain.mag = plain.mag.map(|mag| mag.map(|part| part / 50.0));
-    let scale = fixed::Scale {
-        mag_ut: 1e-3,
-        ..fixed::Scale::BNO055
-    };
+    let scale = fixed::Scale { mag_ut: 1e-3, ..fixed::Scale::BNO055 };
     let mut float = Estimator::<Vqf>::start();
     let mut fixed = Fixed::<fixed::Vqf>::new(&Config::default(), &scale);
     let counts = fixed::Counts {

@@ -134,10 +134,7 @@ fn a_fast_steady_spin_is_followed() {
                     most = most.max(body.error_deg(&attitude.orientation));
                 }
             }
-            assert!(
-                most < 3.0,
-                "{most} deg at {spin_deg_s} deg/s, noise {noise_deg_s}"
-            );
+            assert!(most < 3.0, "{most} deg at {spin_deg_s} deg/s, noise {noise_deg_s}");
         }
     }
 }
@@ -178,10 +175,7 @@ fn a_slow_turn_at_the_start_is_no_offset() {
             };
             let attitude = estimator.update(0.01, &body.step(rate, true));
             let off = f64::from(Vector3::from(attitude.bias).norm()) / DEG;
-            assert!(
-                off < 0.4,
-                "{off} deg/s taken for offset in {rate_deg_s} deg/s at {t} s"
-            );
+            assert!(off < 0.4, "{off} deg/s taken for offset in {rate_deg_s} deg/s at {t} s");
             if t > 2.0 {
                 most = most.max(body.error_deg(&attitude.orientation));
             }

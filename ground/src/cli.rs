@@ -26,12 +26,7 @@ use design::{identify::Identify, model::Model, montecarlo::MonteCarlo, tune::Tun
 const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " ", env!("TVC_TOOL_BUILD"));
 
 /// This tool: a log that it keeps begins with these words, as a text of the ground station.
-pub const TOOL: &str = concat!(
-    "tvc ",
-    env!("CARGO_PKG_VERSION"),
-    " ",
-    env!("TVC_TOOL_BUILD")
-);
+pub const TOOL: &str = concat!("tvc ", env!("CARGO_PKG_VERSION"), " ", env!("TVC_TOOL_BUILD"));
 
 /// Fly thrust-vector-control firmware on a virtual rig, and put it on the real one.
 #[derive(Debug, Parser)]
@@ -66,10 +61,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
         ],
     ),
     ("Logs", &["report", "replay", "log"]),
-    (
-        "Design",
-        &["model", "identify", "tune", "montecarlo", "fuse"],
-    ),
+    ("Design", &["model", "identify", "tune", "montecarlo", "fuse"]),
 ];
 
 /// The command line, whose help has the commands in groups.
@@ -79,9 +71,7 @@ pub fn command() -> clap::Command {
     for (heading, names) in GROUPS {
         help += &format!("\n{heading}:\n");
         for name in names {
-            let about = command
-                .find_subcommand(name)
-                .and_then(|found| found.get_about());
+            let about = command.find_subcommand(name).and_then(|found| found.get_about());
             help += &format!("  {name:<12}{}\n", about.cloned().unwrap_or_default());
         }
     }
@@ -158,18 +148,11 @@ mod tests {
     #[test]
     fn every_command_is_in_a_group_of_the_help_which_is_short() {
         let command = command();
-        let grouped: Vec<_> = GROUPS
-            .iter()
-            .flat_map(|(_, names)| *names)
-            .copied()
-            .collect();
+        let grouped: Vec<_> = GROUPS.iter().flat_map(|(_, names)| *names).copied().collect();
         let own = ["completions", "man"];
-        let names = command
-            .get_subcommands()
-            .map(|command| command.get_name().to_owned());
-        let lost: Vec<_> = names
-            .filter(|name| !own.contains(&&**name) && !grouped.contains(&&**name))
-            .collect();
+        let names = command.get_subcommands().map(|command| command.get_name().to_owned());
+        let lost: Vec<_> =
+            names.filter(|name| !own.contains(&&**name) && !grouped.contains(&&**name)).collect();
         assert_eq!(lost, [""; 0]);
         let help = |words: &[&str]| {
             let asked = command.clone().try_get_matches_from(words);
@@ -179,10 +162,7 @@ mod tests {
         assert!(own.lines().count() <= 40, "{own}");
         let help = help(&["tvc", "fly", "--help"]);
         assert!(help.lines().count() <= 60, "{help}");
-        let wide: Vec<_> = help
-            .lines()
-            .filter(|line| line.chars().count() > 110)
-            .collect();
+        let wide: Vec<_> = help.lines().filter(|line| line.chars().count() > 110).collect();
         assert_eq!(wide, [""; 0]);
     }
 

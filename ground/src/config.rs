@@ -29,11 +29,7 @@ pub fn files() -> Vec<PathBuf> {
     let home = if cfg!(windows) { "APPDATA" } else { "HOME" };
     let folder = set("XDG_CONFIG_HOME").map(PathBuf::from).or_else(|| {
         let home = PathBuf::from(set(home)?);
-        Some(if cfg!(windows) {
-            home
-        } else {
-            home.join(".config")
-        })
+        Some(if cfg!(windows) { home } else { home.join(".config") })
     });
     let own = folder.map(|folder| folder.join("tvc").join("config.toml"));
     let files = [PathBuf::from(HERE)].into_iter().chain(own);
@@ -64,9 +60,7 @@ impl Config {
     /// The line and what is wrong, to be put behind the file's name.
     pub fn parse(text: &str) -> Result<Self, String> {
         let config: Self = toml::from_str(text).map_err(|error| {
-            let line = error
-                .span()
-                .map(|span| text[..span.start].matches('\n').count() + 1);
+            let line = error.span().map(|span| text[..span.start].matches('\n').count() + 1);
             let line = line.map_or(String::new(), |line| format!(", line {line}"));
             format!("{line}: {}", error.message())
         })?;
@@ -91,11 +85,8 @@ impl Config {
     /// elsewhere it would replace that of a file.
     pub fn apply(&self, command: Command) -> Command {
         let mut command = command;
-        for (name, value) in [
-            ("port", &self.port),
-            ("place", &self.place),
-            ("servo", &self.servo),
-        ] {
+        for (name, value) in [("port", &self.port), ("place", &self.place), ("servo", &self.servo)]
+        {
             let is_wanted = command.get_arguments().any(|argument| {
                 let has_default = !argument.get_default_values().is_empty();
                 argument.get_id() == name && (name != "servo" || has_default)
@@ -104,13 +95,11 @@ impl Config {
                 command = command.mut_arg(name, |argument| argument.default_value(value));
             }
         }
-        let names = command
-            .get_subcommands()
-            .map(|inner| inner.get_name().to_owned());
+        let names = command.get_subcommands().map(|inner| inner.get_name().to_owned());
         let names: Vec<String> = names.collect();
-        names.into_iter().fold(command, |command, name| {
-            command.mut_subcommand(name, |inner| self.apply(inner))
-        })
+        names
+            .into_iter()
+            .fold(command, |command, name| command.mut_subcommand(name, |inner| self.apply(inner)))
     }
 }
 
@@ -136,18 +125,13 @@ mod tests {
         let config = Config::load(&[near, far]).unwrap();
         let said = |words: &[&str]| {
             let command = config.apply(Cli::command());
-            let matches = command
-                .try_get_matches_from([&["tvc"], words].concat())
-                .unwrap();
+            let matches = command.try_get_matches_from([&["tvc"], words].concat()).unwrap();
             format!("{:?}", Cli::from_arg_matches(&matches).unwrap())
         };
         assert!(said(&["arm"]).contains("/dev/near"));
         assert!(said(&["param", "list"]).contains("/dev/near"));
         let named = said(&["param", "list", "--port", "x"]);
-        assert!(
-            named.contains("\"x\"") && !named.contains("/dev/near"),
-            "{named}"
-        );
+        assert!(named.contains("\"x\"") && !named.contains("/dev/near"), "{named}");
         assert!(said(&["fly"]).contains("Digital"));
         assert!(said(&["fly", "--servo", "s3003"]).contains("S3003"));
         // A parameter file may name another one.
@@ -163,10 +147,7 @@ mod tests {
             ("# mine\nprot = \"x\"\n", "line 2: unknown field `prot`"),
             ("port = 7\n", "line 1: invalid type"),
             ("\n\nport = \n", "line 3"),
-            (
-                "\nservo = \"s9999\"\n",
-                "line 2: servo: s9999 is none of s3003, digital",
-            ),
+            ("\nservo = \"s9999\"\n", "line 2: servo: s9999 is none of s3003, digital"),
             ("place = \"91,0\"\n", "line 1: place: a place is"),
         ] {
             let path = write(folder.path(), "tvc.toml", text);

@@ -108,19 +108,11 @@ fn usage(error: &clap::Error) -> BadInput {
         return BadInput::new(moved);
     }
     let text = error.to_string();
-    let what: Vec<_> = text
-        .lines()
-        .map(str::trim)
-        .take_while(|line| !line.is_empty())
-        .collect();
+    let what: Vec<_> = text.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
     let tip = text.lines().map(str::trim).find_map(|line| {
         // Other tips are about names that begin with a dash.
-        line.strip_prefix("tip: ")
-            .filter(|tip| tip.contains("similar"))
+        line.strip_prefix("tip: ").filter(|tip| tip.contains("similar"))
     });
     let tip = tip.map_or(String::new(), |tip| format!("; {tip}"));
-    BadInput::new(format!(
-        "{}{tip} (see --help)",
-        what.join(" ").trim_start_matches("error: ")
-    ))
+    BadInput::new(format!("{}{tip} (see --help)", what.join(" ").trim_start_matches("error: ")))
 }

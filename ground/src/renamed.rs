@@ -14,10 +14,7 @@ const MOVED: [(&str, &str); 8] = [
     ("profile", "`cargo lab profile` in the source tree"),
     ("stack", "`cargo lab stack` in the source tree"),
     ("rocket", "`tvc fly --vehicle rocket`"),
-    (
-        "validate",
-        "a test of the crate plant, with its table in docs/explanation/model.md",
-    ),
+    ("validate", "a test of the crate plant, with its table in docs/explanation/model.md"),
 ];
 
 /// Commands that have other words.
@@ -58,24 +55,17 @@ pub fn present(mut words: Vec<OsString>) -> (Vec<OsString>, Vec<String>) {
     };
     if let Some((old, new)) = COMMANDS.into_iter().find(|(old, _)| begins(&words, old)) {
         words.splice(..old.len(), new.iter().map(OsString::from));
-        said.push(format!(
-            "`tvc {}` is `tvc {}` now",
-            old.join(" "),
-            new.join(" ")
-        ));
+        said.push(format!("`tvc {}` is `tvc {}` now", old.join(" "), new.join(" ")));
     }
-    let of_command: Vec<_> = OPTIONS
-        .into_iter()
-        .filter(|(command, ..)| begins(&words, command))
-        .collect();
+    let of_command: Vec<_> =
+        OPTIONS.into_iter().filter(|(command, ..)| begins(&words, command)).collect();
     for index in 0..words.len() {
         let next = words.get(index + 1).cloned().unwrap_or_default();
         let Some((name, value, joined)) = option(&words[index], &next) else {
             continue;
         };
-        let renamed = of_command
-            .iter()
-            .find(|(_, old, _, end)| *old == name && value.ends_with(end));
+        let renamed =
+            of_command.iter().find(|(_, old, _, end)| *old == name && value.ends_with(end));
         if let Some((_, old, new, _)) = renamed {
             said.push(format!("{old} is {new} now"));
             words[index] = match joined {
@@ -115,32 +105,20 @@ mod tests {
             ("recorder a.csv --port x", "record --last a.csv --port x"),
             ("ports --json", "info --ports --json"),
             ("convert a.tlog b.csv", "log convert a.tlog b.csv"),
-            (
-                "montecarlo replay worst.toml",
-                "montecarlo rerun worst.toml",
-            ),
+            ("montecarlo replay worst.toml", "montecarlo rerun worst.toml"),
             ("fly --replay walk.imuq", "fly --recording walk.imuq"),
             ("fly --params a.param", "fly --params a.param"),
             (
                 "montecarlo --params heavy.toml --gains my.param",
                 "montecarlo --drone heavy.toml --params my.param",
             ),
-            (
-                "montecarlo --params my.param",
-                "montecarlo --params my.param",
-            ),
+            ("montecarlo --params my.param", "montecarlo --params my.param"),
             (
                 "tune --params=heavy.toml --from=my.param",
                 "tune --drone=heavy.toml --params=my.param",
             ),
-            (
-                "identify run.csv --params p.toml",
-                "identify run.csv --drone p.toml",
-            ),
-            (
-                "model linear --params p.toml",
-                "model linear --drone p.toml",
-            ),
+            ("identify run.csv --params p.toml", "identify run.csv --drone p.toml"),
+            ("model linear --params p.toml", "model linear --drone p.toml"),
         ] {
             assert_eq!(line(old), new);
             let words = ["tvc"].into_iter().chain(new.split(' '));

@@ -35,9 +35,7 @@ fn refusals_are_as_they_were() {
 
 fn names(folder: &Path) -> BTreeSet<String> {
     let entries = std::fs::read_dir(folder).unwrap();
-    entries
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect()
+    entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
 }
 
 /// The files that the commands of `golden/refused/` are given.
@@ -60,11 +58,7 @@ fn write_input(folder: &Path) {
     write("binary.csv", &[0xff, 0xfe, 0, 1, 2]);
     // A telemetry log: a time in us, big-endian, before each frame.
     let mut heartbeat = Vec::new();
-    let vehicle = MavHeader {
-        system_id: 1,
-        component_id: 1,
-        sequence: 0,
-    };
+    let vehicle = MavHeader { system_id: 1, component_id: 1, sequence: 0 };
     let message = MavMessage::HEARTBEAT(Default::default());
     mavlink::write_v2_msg(&mut heartbeat, vehicle, &message).unwrap();
     let time_us = 1_700_000_000_000_000_u64.to_be_bytes();

@@ -5,13 +5,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Folders of what the image is made from.
-pub(crate) const SOURCES: [&str; 5] = [
-    "src",
-    "fusion/src",
-    "pid/src",
-    "imu/src",
-    "bno055-driver/src",
-];
+pub(crate) const SOURCES: [&str; 5] =
+    ["src", "fusion/src", "pid/src", "imu/src", "bno055-driver/src"];
 
 /// The build id of the image that a source tree makes: FNV-1a over names and contents of its
 /// sources. The vehicle tells the first eight of its sixteen digits.
@@ -26,11 +21,7 @@ pub fn build_id(tree: &Path) -> io::Result<u64> {
     files.sort();
     let mut id = 0xCBF2_9CE4_8422_2325_u64;
     for file in files {
-        let name = file
-            .strip_prefix(tree)
-            .unwrap_or(&file)
-            .to_string_lossy()
-            .replace('\\', "/");
+        let name = file.strip_prefix(tree).unwrap_or(&file).to_string_lossy().replace('\\', "/");
         for byte in name.bytes().chain(fs::read(&file)?) {
             id = (id ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3);
         }

@@ -99,12 +99,7 @@ pub struct Source<'a> {
 impl<'a> Source<'a> {
     /// The firmware of a source tree, as it flies.
     pub fn firmware(tree: &'a Path) -> Self {
-        Self {
-            folder: tree,
-            package: FIRMWARE,
-            profile: "firmware",
-            features: &[],
-        }
+        Self { folder: tree, package: FIRMWARE, profile: "firmware", features: &[] }
     }
 }
 
@@ -148,10 +143,7 @@ impl Builder {
 
     /// The file that a build of this source writes.
     pub fn path(&self, source: &Source<'_>) -> PathBuf {
-        self.folder
-            .join(TARGET)
-            .join(source.profile)
-            .join(source.package)
+        self.folder.join(TARGET).join(source.profile).join(source.package)
     }
 
     /// Builds an image, writes its sums into it, and gives the path of its ELF file.

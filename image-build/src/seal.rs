@@ -80,9 +80,7 @@ fn sums(elf: &[u8], segments: &[Segment]) -> Option<(usize, [u8; 8])> {
     for segment in segments {
         let begin = segment.in_flash - first.in_flash;
         let bytes = elf.get(segment.in_file..segment.in_file.checked_add(segment.length)?)?;
-        image
-            .get_mut(begin..begin + segment.length)?
-            .copy_from_slice(bytes);
+        image.get_mut(begin..begin + segment.length)?.copy_from_slice(bytes);
     }
     let (mut plain, mut weighted) = (0_u32, 0_u32);
     for (index, word) in image.chunks_exact(4).enumerate() {

@@ -48,10 +48,7 @@ impl Toolchain {
             Ok(output) if output.status.success() && has_target(tree) => return Ok(Self::Ready),
             Ok(output) => format!(
                 "rustup said: {}",
-                String::from_utf8_lossy(&output.stderr)
-                    .lines()
-                    .last()
-                    .unwrap_or("nothing")
+                String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or("nothing")
             ),
             Err(_) => "there is no rustup".to_owned(),
         };
@@ -127,9 +124,7 @@ fn in_tree(tree: &Path, program: OsString) -> Command {
 
 fn has_core_sources() -> bool {
     answer(Command::new(DEBIAN_RUSTC).args(["--print", "sysroot"])).is_some_and(|sysroot| {
-        Path::new(&sysroot)
-            .join("lib/rustlib/src/rust/library/core")
-            .exists()
+        Path::new(&sysroot).join("lib/rustlib/src/rust/library/core").exists()
     })
 }
 

@@ -118,19 +118,13 @@ impl SensorFault {
     /// at once.
     #[must_use]
     pub const fn ends_trust(&self) -> bool {
-        matches!(
-            self,
-            Self::Reset | Self::Configuration { .. } | Self::Frozen | Self::Unreliable
-        )
+        matches!(self, Self::Reset | Self::Configuration { .. } | Self::Frozen | Self::Unreliable)
     }
 
     /// Whether the bus, not the chip's data, is to blame.
     #[must_use]
     pub const fn is_bus(&self) -> bool {
-        matches!(
-            self,
-            Self::Nak | Self::Timeout | Self::Stuck | Self::Arbitration | Self::Protocol
-        )
+        matches!(self, Self::Nak | Self::Timeout | Self::Stuck | Self::Arbitration | Self::Protocol)
     }
 }
 
@@ -207,10 +201,7 @@ mod tests {
             SensorFault::Protocol,
             SensorFault::WrongChip { found: 0xFF },
             SensorFault::SelfTest { result: 0xFF },
-            SensorFault::Configuration {
-                register: 0xFF,
-                found: 0xFF,
-            },
+            SensorFault::Configuration { register: 0xFF, found: 0xFF },
             SensorFault::Profile { register: 0xFF },
             SensorFault::Clock,
             SensorFault::Reset,
@@ -225,10 +216,7 @@ mod tests {
             SensorFault::RegisterMismatch,
         ]
         .to_vec();
-        all.extend((1..=3).map(|sensor| SensorFault::DeadSensor {
-            sensor,
-            found: 0xFF,
-        }));
+        all.extend((1..=3).map(|sensor| SensorFault::DeadSensor { sensor, found: 0xFF }));
         all.extend((0..=11).map(|error| SensorFault::System { error }));
         all
     }
@@ -248,14 +236,7 @@ mod tests {
         assert_eq!(codes.len(), all().len());
         assert_eq!(SensorFault::Nak.code(), 0x0200);
         assert_eq!(SensorFault::Reset.code(), 0x0D00);
-        assert_eq!(
-            SensorFault::Configuration {
-                register: 0x41,
-                found: 0x24
-            }
-            .code(),
-            0x0B41
-        );
+        assert_eq!(SensorFault::Configuration { register: 0x41, found: 0x24 }.code(), 0x0B41);
         assert_eq!(SensorFault::System { error: 9 }.code(), 0x0A09);
     }
 }

@@ -9,11 +9,7 @@ impl fmt::Display for Hex {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("0x")?;
         for digit in [self.0 >> 4, self.0 & 15] {
-            let digit = if digit < 10 {
-                b'0' + digit
-            } else {
-                b'A' + digit - 10
-            };
+            let digit = if digit < 10 { b'0' + digit } else { b'A' + digit - 10 };
             f.write_char(char::from(digit))?;
         }
         Ok(())

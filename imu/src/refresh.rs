@@ -124,10 +124,7 @@ impl Refresh {
     #[must_use]
     pub fn resumed(raw: RawSample, words: &[u32]) -> Option<Self> {
         let state: State = *bytemuck::try_from_bytes(bytemuck::cast_slice(words)).ok()?;
-        state.is_possible().then_some(Self {
-            last: Some(raw),
-            state,
-        })
+        state.is_possible().then_some(Self { last: Some(raw), state })
     }
 }
 
@@ -207,10 +204,7 @@ impl State {
         self.narrow(periods * self.period_us, dt_us);
         self.learn(periods);
         self.since_new_us = 0;
-        Some(NewRates {
-            age_us: (self.least_us + self.most_us) / 2,
-            elapsed_us,
-        })
+        Some(NewRates { age_us: (self.least_us + self.most_us) / 2, elapsed_us })
     }
 
     /// Number of periods between the newest new reading and this one, `dt_us` after the reading
@@ -285,10 +279,7 @@ mod tests {
         assert_eq!(age_us(refresh.look(6_000, NEW)), Some(3_000));
         assert_eq!(refresh.look(6_000, SAME), None);
         let slack_us = 2 * (6_000 >> ROUGH);
-        assert_eq!(
-            age_us(refresh.look(6_000, NEW)),
-            Some((2_000 - slack_us + 6_000) / 2)
-        );
+        assert_eq!(age_us(refresh.look(6_000, NEW)), Some((2_000 - slack_us + 6_000) / 2));
     }
 
     #[test]
@@ -296,10 +287,7 @@ mod tests {
         let mut refresh = State::default();
         refresh.look(6_000, NEW);
         refresh.look(6_000, SAME);
-        let expected = NewRates {
-            age_us: 5_000,
-            elapsed_us: 506_000,
-        };
+        let expected = NewRates { age_us: 5_000, elapsed_us: 506_000 };
         assert_eq!(refresh.look(500_000, NEW), Some(expected));
     }
 
@@ -356,12 +344,8 @@ mod tests {
         let mut refresh = State::default();
         let mut rng = TestRng::deterministic_rng(RngAlgorithm::ChaCha);
         let newest = |at_us: i64, rate: i64| (at_us + phase_us + (rate - 1) * RATE_US) / period_us;
-        let mut watched = Watched {
-            ages_us: Vec::new(),
-            period_us: 0,
-            counted_us: 0,
-            passed_us: 0,
-        };
+        let mut watched =
+            Watched { ages_us: Vec::new(), period_us: 0, counted_us: 0, passed_us: 0 };
         let mut begun = None;
         for step in 1..readings {
             let (before, at_us) = ((step - 1) * 20_000 / 3, step * 20_000 / 3);
@@ -372,9 +356,7 @@ mod tests {
             let Some(refreshed) = refresh.look((at_us - before) as u32, differ) else {
                 continue;
             };
-            watched
-                .ages_us
-                .push((refreshed.age_us.into(), (at_us + phase_us) % period_us));
+            watched.ages_us.push((refreshed.age_us.into(), (at_us + phase_us) % period_us));
             let last = newest(at_us, 1);
             match begun {
                 Some(begun) => {
@@ -391,9 +373,7 @@ mod tests {
 
     fn mean_off_us(watched: &Watched) -> i64 {
         let (_, settled) = watched.ages_us.split_at(watched.ages_us.len() / 2);
-        let off_us = settled
-            .iter()
-            .map(|(estimate_us, age_us)| (estimate_us - age_us).abs());
+        let off_us = settled.iter().map(|(estimate_us, age_us)| (estimate_us - age_us).abs());
         off_us.sum::<i64>() / settled.len() as i64
     }
 

@@ -29,10 +29,7 @@ impl Bytes {
         for (to, from) in inline.iter_mut().zip(bytes) {
             *to = from;
         }
-        Self {
-            bytes: inline,
-            len: N as u8,
-        }
+        Self { bytes: inline, len: N as u8 }
     }
 
     /// The payload `bytes`; `None` for more than [`WRITE_MAX`].
@@ -40,18 +37,13 @@ impl Bytes {
     pub fn from_slice(bytes: &[u8]) -> Option<Self> {
         let mut inline = [0; WRITE_MAX];
         inline.get_mut(..bytes.len())?.copy_from_slice(bytes);
-        Some(Self {
-            bytes: inline,
-            len: bytes.len() as u8,
-        })
+        Some(Self { bytes: inline, len: bytes.len() as u8 })
     }
 
     /// The payload.
     #[must_use]
     pub fn as_slice(&self) -> &[u8] {
-        self.bytes
-            .get(..usize::from(self.len))
-            .unwrap_or(&self.bytes)
+        self.bytes.get(..usize::from(self.len)).unwrap_or(&self.bytes)
     }
 }
 
@@ -91,10 +83,7 @@ impl Transfer {
     /// A write of `bytes` from `register` on.
     #[must_use]
     pub fn write<const N: usize>(register: u8, bytes: [u8; N]) -> Self {
-        Self::Write {
-            register,
-            bytes: Bytes::new(bytes),
-        }
+        Self::Write { register, bytes: Bytes::new(bytes) }
     }
 
     /// How many bytes a successful outcome holds: 0 for a write.

@@ -30,9 +30,7 @@ pub struct Functions(Vec<Function>);
 impl Functions {
     /// The functions that the symbols of a file name.
     pub fn read(file: &object::File<'_>) -> Self {
-        let texts = file
-            .symbols()
-            .filter(|symbol| symbol.kind() == SymbolKind::Text);
+        let texts = file.symbols().filter(|symbol| symbol.kind() == SymbolKind::Text);
         let mut spoken = 0;
         Self::new(texts.filter_map(|symbol| {
             let name = symbol.name().ok().filter(|name| !name.starts_with('$'))?;
@@ -87,11 +85,7 @@ mod tests {
     /// What walks through a function would else walk through all addresses.
     #[test]
     fn a_function_ends_before_the_next_one_and_is_no_longer_than_the_flash() {
-        let function = |start, length| Function {
-            start,
-            length,
-            name: String::new(),
-        };
+        let function = |start, length| Function { start, length, name: String::new() };
         let functions = Functions::new([
             function(0xFFFF_FFF0, u32::MAX),
             function(0x2000, u32::MAX),

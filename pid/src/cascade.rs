@@ -36,11 +36,7 @@ impl<T: Scalar> Cascade<T> {
     ) -> T {
         let wanted = self.angle_gain * (setpoint - reading.value);
         let wanted = wanted.clamped(-self.rate_limit, self.rate_limit);
-        let rate = Reading {
-            value: reading.rate,
-            rate: acceleration,
-            ..*reading
-        };
+        let rate = Reading { value: reading.rate, rate: acceleration, ..*reading };
         self.rate.update(state, wanted, &rate, true)
     }
 }
@@ -83,11 +79,7 @@ impl<T: Scalar> Law<T> for Cascade<T> {
         state: &mut PidState<T>,
         config: &CascadeConfig,
     ) -> Result<(), ConfigError> {
-        let Self {
-            angle_gain,
-            rate_limit,
-            ..
-        } = Self::new(config)?;
+        let Self { angle_gain, rate_limit, .. } = Self::new(config)?;
         self.rate.retune(state, &config.rate)?;
         (self.angle_gain, self.rate_limit) = (angle_gain, rate_limit);
         Ok(())
@@ -109,11 +101,7 @@ mod tests {
             angle_gain: 4.0,
             rate_limit: 1.5,
             rate: Config {
-                gains: Gains {
-                    kp: 0.5,
-                    ki: 1.0,
-                    kd: 0.0,
-                },
+                gains: Gains { kp: 0.5, ki: 1.0, kd: 0.0 },
                 limit: -1.0..=1.0,
                 anti_windup: AntiWindup::BackCalculation { time_s: 0.3 },
                 ..Config::new(0.01)
@@ -154,15 +142,8 @@ mod tests {
         }
         cascade.reset(0.0);
         assert_eq!(cascade.update(0.0, 0.4, 0.0), first);
-        let faster = CascadeConfig {
-            angle_gain: 2.0,
-            rate_limit: 3.0,
-            ..config()
-        };
-        let bad = CascadeConfig {
-            rate_limit: -1.0,
-            ..faster.clone()
-        };
+        let faster = CascadeConfig { angle_gain: 2.0, rate_limit: 3.0, ..config() };
+        let bad = CascadeConfig { rate_limit: -1.0, ..faster.clone() };
         cascade.reset(0.0);
         assert!(cascade.retune(&bad).is_err());
         assert_eq!(cascade.clone().update(0.0, 0.4, 0.0), first);
@@ -173,10 +154,7 @@ mod tests {
 
     #[test]
     fn refuses_a_negative_limit() {
-        let bad = CascadeConfig {
-            rate_limit: -1.0,
-            ..config()
-        };
+        let bad = CascadeConfig { rate_limit: -1.0, ..config() };
         assert_eq!(
             Controller::<f32, Cascade<f32>>::new(&bad).err(),
             Some(ConfigError::OutOfRange("rate_limit"))

@@ -92,12 +92,7 @@ impl<T: Scalar, L: Law<T>> Controller<T, L> {
     /// As [`Law::update`], with a present reading, and an output that is sent.
     #[inline]
     pub fn update(&mut self, setpoint: T, value: T, rate: T) -> T {
-        let reading = Reading {
-            value,
-            rate,
-            age: Some(T::ZERO),
-            value_lead: T::ZERO,
-        };
+        let reading = Reading { value, rate, age: Some(T::ZERO), value_lead: T::ZERO };
         self.read(setpoint, &reading, true)
     }
 

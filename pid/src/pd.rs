@@ -28,15 +28,10 @@ mod tests {
     use crate::Q16;
 
     fn acts_against_the_motion<T: Scalar>() {
-        let pd = Pd::<T> {
-            kp: 2.0.into(),
-            kd: 0.5.into(),
-        };
-        for ([setpoint, measured, rate], expected) in [
-            ([0.0, 0.0, 0.0], 0.0),
-            ([0.0, 0.5, 0.0], -1.0),
-            ([0.25, 0.5, -1.0], 0.0),
-        ] {
+        let pd = Pd::<T> { kp: 2.0.into(), kd: 0.5.into() };
+        for ([setpoint, measured, rate], expected) in
+            [([0.0, 0.0, 0.0], 0.0), ([0.0, 0.5, 0.0], -1.0), ([0.25, 0.5, -1.0], 0.0)]
+        {
             let output = pd.update(setpoint.into(), measured.into(), rate.into());
             assert_eq!(output.into(), expected);
         }

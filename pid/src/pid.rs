@@ -33,12 +33,7 @@ impl<T: Scalar> Coefficients<T> {
         in_range(period, *PERIOD_S.start(), *PERIOD_S.end(), "period_s")?;
         in_range(gains.kp, -LARGEST, LARGEST, "gains.kp")?;
         in_range(gains.ki * period, -LARGEST, LARGEST, "gains.ki")?;
-        in_range(
-            config.derivative_filter_s,
-            0.0,
-            1000.0,
-            "derivative_filter_s",
-        )?;
+        in_range(config.derivative_filter_s, 0.0, 1000.0, "derivative_filter_s")?;
         in_range(config.setpoint_weight, 0.0, 1.0, "setpoint_weight")?;
         let smoothing = 1.0 / (config.derivative_filter_s + period);
         let kd = match config.derivative {
@@ -95,12 +90,7 @@ impl<T: Scalar> Limits<T> {
         let (low, high) = (*config.limit.start(), *config.limit.end());
         in_range(low, -LARGEST, LARGEST, "limit")?;
         in_range(high, low, LARGEST, "limit")?;
-        in_range(
-            config.slew_per_s,
-            f32::MIN_POSITIVE,
-            f32::INFINITY,
-            "slew_per_s",
-        )?;
+        in_range(config.slew_per_s, f32::MIN_POSITIVE, f32::INFINITY, "slew_per_s")?;
         let max_step = config.slew_per_s * config.period_s;
         Ok(Self {
             low: low.into(),
@@ -191,21 +181,13 @@ impl<T: Scalar> Law<T> for Pid<T> {
         reading: &Reading<T>,
         _is_sent: bool,
     ) -> T {
-        let Reading {
-            value: measured,
-            rate,
-            ..
-        } = *reading;
+        let Reading { value: measured, rate, .. } = *reading;
         if !(setpoint.is_usable() && measured.is_usable() && rate.is_usable()) {
             return state.output;
         }
         let k = &self.coefficients;
         let slope = self.slope(state, setpoint, measured, rate);
-        state.last = Some(Inputs {
-            setpoint,
-            measured,
-            slope,
-        });
+        state.last = Some(Inputs { setpoint, measured, slope });
         state.derivative = k.decay * state.derivative + k.kd * slope;
         let immediate = k.proportional(setpoint, measured) + state.derivative;
 
@@ -261,10 +243,7 @@ impl<T: Scalar> Pid<T> {
     /// output is the known output at any error.
     pub fn begin(&self, state: &mut PidState<T>, output: T, setpoint: T, measured: T) {
         let output = output.clamped(self.limits.low, self.limits.high);
-        *state = PidState {
-            output,
-            ..PidState::default()
-        };
+        *state = PidState { output, ..PidState::default() };
         if self.coefficients.ki != T::ZERO {
             state.integral = output - self.coefficients.proportional(setpoint, measured);
         }

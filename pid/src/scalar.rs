@@ -76,14 +76,7 @@ impl Scalar for f32 {
         // Float to integer conversion saturates and takes NaN to zero.
         let whole = self as usize;
         let beyond = self - whole as Self;
-        (
-            whole,
-            if (0.0..1.0).contains(&beyond) {
-                beyond
-            } else {
-                0.0
-            },
-        )
+        (whole, if (0.0..1.0).contains(&beyond) { beyond } else { 0.0 })
     }
 
     #[inline]

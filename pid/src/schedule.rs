@@ -23,10 +23,7 @@ pub struct Schedule<T, const N: usize> {
 
 impl<T: Scalar, const N: usize> Default for Schedule<T, N> {
     fn default() -> Self {
-        Self {
-            points: [Point::default(); N],
-            len: 0,
-        }
+        Self { points: [Point::default(); N], len: 0 }
     }
 }
 
@@ -108,19 +105,11 @@ mod tests {
     use crate::{Controller, Gains, Law, Pid, Q16};
 
     fn config(kp: f32, ki: f32) -> Config {
-        Config {
-            gains: Gains { kp, ki, kd: 0.0 },
-            limit: -100.0..=100.0,
-            ..Config::new(0.01)
-        }
+        Config { gains: Gains { kp, ki, kd: 0.0 }, limit: -100.0..=100.0, ..Config::new(0.01) }
     }
 
     fn table() -> [(f32, Config); 3] {
-        [
-            (0.0, config(1.0, 0.0)),
-            (20.0, config(3.0, 2.0)),
-            (90.0, config(2.0, 2.0)),
-        ]
+        [(0.0, config(1.0, 0.0)), (20.0, config(3.0, 2.0)), (90.0, config(2.0, 2.0))]
     }
 
     fn kp<T: Scalar>(schedule: &Schedule<T, 3>, at: f32) -> f32 {

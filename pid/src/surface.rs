@@ -161,9 +161,7 @@ impl<T: Scalar> Law<T> for Surface<T> {
     type State = SurfaceState<T>;
 
     fn new(config: &SurfaceConfig) -> Result<Self, ConfigError> {
-        Ok(Self {
-            c: Coefficients::new(config)?,
-        })
+        Ok(Self { c: Coefficients::new(config)? })
     }
 
     // A function of its own, which spares the caller's registers.
@@ -212,9 +210,7 @@ impl<T: Scalar> Surface<T> {
         push(&mut state.targets, state.sent + late);
         let target = self.target(state, 0);
         let before = state.position;
-        self.c
-            .sample
-            .turn(target, &mut state.actuator, &mut state.speed);
+        self.c.sample.turn(target, &mut state.actuator, &mut state.speed);
         state.position = self.c.within_play(state.position, state.actuator);
         let mean = before + (state.position - before).half();
         let change = self.c.rate_step * (mean + state.disturbance);
@@ -253,14 +249,8 @@ impl<T: Scalar> Surface<T> {
         let way = reading.rate.times(self.c.period);
         let age = reading.age.unwrap_or_default() - reading.value_lead + self.c.sensor_lag;
         let age = age.clamped(T::ZERO, MOST_AGE.into());
-        state.rate = Track {
-            now: reading.rate,
-            changes: [T::ZERO; HISTORY],
-        };
-        state.value = Track {
-            now: reading.value + age * way,
-            changes: [way; HISTORY],
-        };
+        state.rate = Track { now: reading.rate, changes: [T::ZERO; HISTORY] };
+        state.value = Track { now: reading.value + age * way, changes: [way; HISTORY] };
     }
 
     /// The actuator's path with the outputs sent, up to the evaluation of the surface: sample by
@@ -269,14 +259,9 @@ impl<T: Scalar> Surface<T> {
         let c = &self.c;
         let (mut actuator, mut speed) = (state.actuator, state.speed);
         let mut position = state.position;
-        let mut path = Path {
-            position: position + state.disturbance,
-            sum: T::ZERO,
-            sums: T::ZERO,
-        };
+        let mut path = Path { position: position + state.disturbance, sum: T::ZERO, sums: T::ZERO };
         for ahead in 1..=c.effect {
-            c.sample
-                .turn(self.target(state, ahead), &mut actuator, &mut speed);
+            c.sample.turn(self.target(state, ahead), &mut actuator, &mut speed);
             position = c.within_play(position, actuator);
             let mean = path.turn(position + state.disturbance);
             path.sums = path.sums + path.sum + mean.half();

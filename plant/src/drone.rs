@@ -30,10 +30,7 @@ pub struct Crank {
 impl Crank {
     /// A crank at an angle (rad) that turns at a rate (rad/s).
     pub fn new(angle_rad: f64, rate_rad_s: f64) -> Self {
-        Self {
-            angle_rad,
-            rate_rad_s,
-        }
+        Self { angle_rad, rate_rad_s }
     }
 
     /// A crank that stands still at an angle (rad).
@@ -128,9 +125,7 @@ impl Drone {
     /// it back.
     pub fn step(&mut self, dt_s: f64, end: Crank) {
         let start = self.crank;
-        let middle = self
-            .mechanism
-            .configuration(0.5 * (start.angle_rad + end.angle_rad));
+        let middle = self.mechanism.configuration(0.5 * (start.angle_rad + end.angle_rad));
         let finish = self.mechanism.configuration(end.angle_rad);
         if !self.held {
             let mean_rate = (end.angle_rad - start.angle_rad) / dt_s;
@@ -274,11 +269,7 @@ mod tests {
     /// leaves the drone where it was: the pitch depends on the crank's path, not on its timing.
     #[test]
     fn crank_motion_alone_moves_nothing_for_good() {
-        let p = Parameters {
-            thrust_n: 0.0,
-            gravity_m_s2: 0.0,
-            ..Parameters::PHYS
-        };
+        let p = Parameters { thrust_n: 0.0, gravity_m_s2: 0.0, ..Parameters::PHYS };
         let mut drone = Drone::new(&p, 0.3, 0.0).unwrap();
         let home = drone.crank().angle_rad;
         let mut lowest = 0.3_f64;

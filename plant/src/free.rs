@@ -25,24 +25,14 @@ pub struct State {
 impl State {
     /// As a vector `[th0, th1, w0, v1]` for an integrator.
     pub fn to_array(self) -> [f64; 4] {
-        [
-            self.pitch_rad,
-            self.crank_rad,
-            self.pitch_rate_rad_s,
-            self.crank_rate_rad_s,
-        ]
+        [self.pitch_rad, self.crank_rad, self.pitch_rate_rad_s, self.crank_rate_rad_s]
     }
 
     /// From a vector `[th0, th1, w0, v1]`.
     pub fn from_array(
         [pitch_rad, crank_rad, pitch_rate_rad_s, crank_rate_rad_s]: [f64; 4],
     ) -> Self {
-        Self {
-            pitch_rad,
-            crank_rad,
-            pitch_rate_rad_s,
-            crank_rate_rad_s,
-        }
+        Self { pitch_rad, crank_rad, pitch_rate_rad_s, crank_rate_rad_s }
     }
 }
 
@@ -65,10 +55,7 @@ impl Mechanism {
         let pitch = self.pitch_drive(&at, state, pitch_moment_n_m);
         let crank = self.crank_drive(&at, state, torque_n_m) + 0.5 * at.m00_slope * w0 * w0;
         let det = at.m00 * at.m11 - at.m01 * at.m01;
-        [
-            (at.m11 * pitch - at.m01 * crank) / det,
-            (at.m00 * crank - at.m01 * pitch) / det,
-        ]
+        [(at.m11 * pitch - at.m01 * crank) / det, (at.m00 * crank - at.m01 * pitch) / det]
     }
 
     /// Derivative of `[th0, th1, w0, v1]` under a servo torque (N m), for an integrator.
@@ -136,31 +123,17 @@ mod tests {
     use crate::parameters::Parameters;
 
     fn tumbling() -> State {
-        State {
-            pitch_rad: 0.4,
-            crank_rad: -0.3,
-            pitch_rate_rad_s: 1.5,
-            crank_rate_rad_s: -4.0,
-        }
+        State { pitch_rad: 0.4, crank_rad: -0.3, pitch_rate_rad_s: 1.5, crank_rate_rad_s: -4.0 }
     }
 
     #[test]
     fn energy_is_kept_without_thrust() {
-        let p = Parameters {
-            thrust_n: 0.0,
-            crank_cm_m: 0.01,
-            rudder_cm_m: -0.02,
-            ..Parameters::PHYS
-        };
+        let p =
+            Parameters { thrust_n: 0.0, crank_cm_m: 0.01, rudder_cm_m: -0.02, ..Parameters::PHYS };
         let mechanism = Mechanism::new(&p).unwrap();
         let times: Vec<f64> = (0..=50).map(|i| 0.1 * f64::from(i)).collect();
         let states = Adaptive::default()
-            .sample(
-                |_, x| mechanism.derivative(x, 0.0),
-                &times,
-                [],
-                tumbling().to_array(),
-            )
+            .sample(|_, x| mechanism.derivative(x, 0.0), &times, [], tumbling().to_array())
             .unwrap();
         let (kinetic, potential) = mechanism.energy_j(&tumbling());
         for state in states {
@@ -172,11 +145,7 @@ mod tests {
 
     #[test]
     fn angular_momentum_is_kept_without_gravity_and_thrust() {
-        let p = Parameters {
-            thrust_n: 0.0,
-            gravity_m_s2: 0.0,
-            ..Parameters::PHYS
-        };
+        let p = Parameters { thrust_n: 0.0, gravity_m_s2: 0.0, ..Parameters::PHYS };
         let mechanism = Mechanism::new(&p).unwrap();
         // The servo's torque is internal: it must not change the momentum.
         let states = Adaptive::default()
@@ -196,17 +165,9 @@ mod tests {
 
     #[test]
     fn zero_force_is_exactly_zero_motion() {
-        let p = Parameters {
-            thrust_n: 0.0,
-            gravity_m_s2: 0.0,
-            ..Parameters::PHYS
-        };
+        let p = Parameters { thrust_n: 0.0, gravity_m_s2: 0.0, ..Parameters::PHYS };
         let mechanism = Mechanism::new(&p).unwrap();
-        let still = State {
-            pitch_rad: 0.7,
-            crank_rad: 0.2,
-            ..State::default()
-        };
+        let still = State { pitch_rad: 0.7, crank_rad: 0.2, ..State::default() };
         assert_eq!(mechanism.accelerations(&still, 0.0), [0.0, 0.0]);
     }
 }

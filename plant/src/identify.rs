@@ -192,17 +192,10 @@ impl<'a> Fit<'a> {
     fn new(nominal: &'a Setup, record: &'a Record) -> Result<Self, IdentifyError> {
         let (readings, pulses) = (&record.readings, &record.pulses);
         if readings.len() < FEWEST_SAMPLES || pulses.len() < 2 {
-            return Err(IdentifyError::TooShort {
-                found: readings.len(),
-                pulses: pulses.len(),
-            });
+            return Err(IdentifyError::TooShort { found: readings.len(), pulses: pulses.len() });
         }
-        let bad = first_bad_sample(
-            readings
-                .iter()
-                .map(|r| [r.time_s, r.pitch_rad, r.rate_rad_s]),
-        )
-        .or_else(|| first_bad_sample(pulses.iter().map(|&(edge, width)| [edge, width])));
+        let bad = first_bad_sample(readings.iter().map(|r| [r.time_s, r.pitch_rad, r.rate_rad_s]))
+            .or_else(|| first_bad_sample(pulses.iter().map(|&(edge, width)| [edge, width])));
         if let Some(index) = bad {
             return Err(IdentifyError::BadSample(index));
         }
@@ -216,12 +209,7 @@ impl<'a> Fit<'a> {
             return Err(IdentifyError::NoMotion);
         }
         let first = readings[0];
-        Ok(Self {
-            nominal,
-            record,
-            start_s: first.time_s,
-            first,
-        })
+        Ok(Self { nominal, record, start_s: first.time_s, first })
     }
 
     fn setup(&self, x: &Unknowns) -> Setup {
@@ -241,9 +229,7 @@ impl<'a> Fit<'a> {
         let delay = setup.timing.delay_s;
         let pitch = self.first.pitch_rad + x[5];
         let rate = self.first.rate_rad_s + x[6];
-        let mut drone = Drone::new(&setup.drone, pitch, rate)
-            .ok()?
-            .with_tether_stop(f64::INFINITY);
+        let mut drone = Drone::new(&setup.drone, pitch, rate).ok()?.with_tether_stop(f64::INFINITY);
         let mut pulses = self.record.pulses.iter().copied().peekable();
 
         // Before the start the servo has long settled at the last pulse, or stands at zero rudder.
@@ -345,18 +331,10 @@ impl<'a> Fit<'a> {
             .enumerate()
             .map(|(row, residual)| {
                 let size = (residual / noise[row % 2]).abs();
-                if size > HUBER {
-                    HUBER * (2.0 * size - HUBER)
-                } else {
-                    size * size
-                }
+                if size > HUBER { HUBER * (2.0 * size - HUBER) } else { size * size }
             })
             .sum();
-        let prior: f64 = x
-            .iter()
-            .zip(PRIOR)
-            .map(|(x, sigma)| (x / sigma).powi(2))
-            .sum();
+        let prior: f64 = x.iter().zip(PRIOR).map(|(x, sigma)| (x / sigma).powi(2)).sum();
         data + prior
     }
 
@@ -390,11 +368,7 @@ impl<'a> Fit<'a> {
         let n = self.nominal;
         let scales = [
             ("thrust_n", n.drone.thrust_n, n.drone.thrust_n),
-            (
-                "body_inertia_kg_m2",
-                n.drone.body_inertia_kg_m2,
-                n.drone.body_inertia_kg_m2,
-            ),
+            ("body_inertia_kg_m2", n.drone.body_inertia_kg_m2, n.drone.body_inertia_kg_m2),
             ("speed_rad_s", n.servo.speed_rad_s, n.servo.speed_rad_s),
             ("delay_s", n.timing.delay_s, 1.0),
             ("horn_rad", n.servo.horn_rad, 1.0),

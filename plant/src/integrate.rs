@@ -13,30 +13,9 @@ const STAGES: [[f64; 6]; 7] = [
     [0.2, 0.0, 0.0, 0.0, 0.0, 0.0],
     [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
     [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0],
-    [
-        19372.0 / 6561.0,
-        -25360.0 / 2187.0,
-        64448.0 / 6561.0,
-        -212.0 / 729.0,
-        0.0,
-        0.0,
-    ],
-    [
-        9017.0 / 3168.0,
-        -355.0 / 33.0,
-        46732.0 / 5247.0,
-        49.0 / 176.0,
-        -5103.0 / 18656.0,
-        0.0,
-    ],
-    [
-        35.0 / 384.0,
-        0.0,
-        500.0 / 1113.0,
-        125.0 / 192.0,
-        -2187.0 / 6784.0,
-        11.0 / 84.0,
-    ],
+    [19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0, 0.0, 0.0],
+    [9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0, 0.0],
+    [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
 ];
 /// Fifth-order weights minus fourth-order weights: the error estimate.
 const ERROR: [f64; 7] = [
@@ -66,11 +45,7 @@ pub struct Adaptive {
 impl Default for Adaptive {
     /// As tight as `f64` allows: a crank that its link's weight alone drives reaches 100 rad/s.
     fn default() -> Self {
-        Self {
-            relative: 1e-13,
-            absolute: 1e-14,
-            max_step_s: 0.02,
-        }
+        Self { relative: 1e-13, absolute: 1e-14, max_step_s: 0.02 }
     }
 }
 
@@ -115,11 +90,8 @@ impl Adaptive {
             let h = if last { rest } else { proposal };
             let (next, error) = self.try_step(f, now, &state, h);
             // Order 5: the step may grow with the fifth root of the error's margin.
-            let factor = if error.is_finite() {
-                (0.9 * error.powf(-0.2)).clamp(0.2, 5.0)
-            } else {
-                0.2
-            };
+            let factor =
+                if error.is_finite() { (0.9 * error.powf(-0.2)).clamp(0.2, 5.0) } else { 0.2 };
             if error <= 1.0 {
                 state = next;
                 now = if last { end_s } else { now + h };
@@ -194,19 +166,12 @@ impl Adaptive {
         // The last stage is evaluated at the fifth-order result itself.
         let mut worst = 0.0_f64;
         for i in 0..N {
-            let error: f64 = slopes
-                .iter()
-                .zip(ERROR)
-                .map(|(slope, weight)| h * weight * slope[i])
-                .sum();
+            let error: f64 =
+                slopes.iter().zip(ERROR).map(|(slope, weight)| h * weight * slope[i]).sum();
             let scale = self.absolute + self.relative * state[i].abs().max(at[i].abs());
             let ratio = (error / scale).abs();
             // `max` would swallow a NaN; it has to make the step fail.
-            worst = if ratio.is_nan() {
-                f64::INFINITY
-            } else {
-                worst.max(ratio)
-            };
+            worst = if ratio.is_nan() { f64::INFINITY } else { worst.max(ratio) };
         }
         (at, worst)
     }
@@ -247,12 +212,9 @@ mod tests {
     #[test]
     fn adaptive_keeps_its_tolerance() {
         let end = 20.0 * std::f64::consts::PI;
-        let states = Adaptive {
-            max_step_s: 1.0,
-            ..Adaptive::default()
-        }
-        .sample(oscillator, &[0.0, 0.3, end], [], [1.0, 0.0])
-        .unwrap();
+        let states = Adaptive { max_step_s: 1.0, ..Adaptive::default() }
+            .sample(oscillator, &[0.0, 0.3, end], [], [1.0, 0.0])
+            .unwrap();
         assert_eq!(states[0], [1.0, 0.0]);
         assert!((states[1][0] - 0.3_f64.cos()).abs() < 1e-12);
         assert!((states[2][0] - 1.0).abs() < 1e-9 && states[2][1].abs() < 1e-9);

@@ -174,11 +174,7 @@ impl Chase {
     ) {
         let from = drone.crank().angle_rad;
         let rate = self.actuator.rate_rad_s * (towards_rad - from).signum();
-        let moving = if rate == 0.0 {
-            0.0
-        } else {
-            ((towards_rad - from) / rate).min(seconds)
-        };
+        let moving = if rate == 0.0 { 0.0 } else { ((towards_rad - from) / rate).min(seconds) };
         for (duration, rate_rad_s) in [(moving, rate), (seconds - moving, 0.0)] {
             let steps = (duration / step_s).ceil();
             let start = drone.crank().angle_rad;
@@ -196,14 +192,8 @@ impl Chase {
 mod tests {
     use super::*;
 
-    const SLOW: Actuator = Actuator {
-        rate_rad_s: 5.51,
-        limit_rad: std::f64::consts::FRAC_PI_3,
-    };
-    const FAST: Actuator = Actuator {
-        rate_rad_s: 8.73,
-        ..SLOW
-    };
+    const SLOW: Actuator = Actuator { rate_rad_s: 5.51, limit_rad: std::f64::consts::FRAC_PI_3 };
+    const FAST: Actuator = Actuator { rate_rad_s: 8.73, ..SLOW };
 
     /// The soonest that any controller can be within `band` (a share of the start) for good: it
     /// aims at rest on the band's far edge. In s.
@@ -217,10 +207,7 @@ mod tests {
         let edge = -band * pitch_rad;
         let limit = time_optimal(parameters, actuator, pitch_rad, rate_rad_s, edge)?;
         // The last sample lies on the edge itself; rounding must not put it outside.
-        limit
-            .response
-            .settling_s(band * (1.0 + 1e-6))
-            .ok_or(LimitError::OutOfReach)
+        limit.response.settling_s(band * (1.0 + 1e-6)).ok_or(LimitError::OutOfReach)
     }
 
     /// Time to rest with an infinitely fast rudder that gives these accelerations (rad/s2, sizes)
@@ -261,18 +248,9 @@ mod tests {
             ];
             // Reference: 2 % and 5 % to the last digit; its times to rest stop a little early,
             // before the crank is home, so that they bound ours from below.
-            assert!(
-                (found[1] - expected[1]).abs() < 6e-4,
-                "{found:?} {expected:?}"
-            );
-            assert!(
-                (found[2] - expected[2]).abs() < 6e-4,
-                "{found:?} {expected:?}"
-            );
-            assert!(
-                (0.0..0.024).contains(&(found[0] - expected[0])),
-                "{found:?} {expected:?}"
-            );
+            assert!((found[1] - expected[1]).abs() < 6e-4, "{found:?} {expected:?}");
+            assert!((found[2] - expected[2]).abs() < 6e-4, "{found:?} {expected:?}");
+            assert!((0.0..0.024).contains(&(found[0] - expected[0])), "{found:?} {expected:?}");
         }
     }
 
@@ -312,10 +290,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_reached_is_refused() {
-        let weak = Parameters {
-            thrust_n: 0.0,
-            ..Parameters::PHYS
-        };
+        let weak = Parameters { thrust_n: 0.0, ..Parameters::PHYS };
         let error = time_optimal(&weak, SLOW, 0.4, 0.2, 0.0).unwrap_err();
         assert_eq!(error, LimitError::OutOfReach);
         let error = time_optimal(&Parameters::PHYS, SLOW, f64::NAN, 0.2, 0.0).unwrap_err();

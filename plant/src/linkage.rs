@@ -115,10 +115,7 @@ impl Linkage {
         let [(s1, c1), (s2, c2), (s3, c3)] = angles.map(f64::sin_cos);
         let [v1, v2, v3] = rates.map(|v| v * v);
         let (l1, l2, l3) = (self.crank_m, self.link_m, self.arm_m);
-        [
-            -l1 * s1 * v1 - l2 * c2 * v2 + l3 * s3 * v3,
-            l1 * c1 * v1 - l2 * s2 * v2 - l3 * c3 * v3,
-        ]
+        [-l1 * s1 * v1 - l2 * c2 * v2 + l3 * s3 * v3, l1 * c1 * v1 - l2 * s2 * v2 - l3 * c3 * v3]
     }
 
     /// How far the loop is from closing, `Phi`, in m, for the angles of crank, link and rudder.
@@ -182,10 +179,7 @@ impl Linkage {
         let ((s2, c2), (s3, c3)) = (link.sin_cos(), rudder.sin_cos());
         let (l2, l3) = (self.link_m, self.arm_m);
         let det = l2 * l3 * (link - rudder).cos();
-        (
-            (l3 * s3 * b[0] - l3 * c3 * b[1]) / det,
-            (l2 * c2 * b[0] + l2 * s2 * b[1]) / det,
-        )
+        ((l3 * s3 * b[0] - l3 * c3 * b[1]) / det, (l2 * c2 * b[0] + l2 * s2 * b[1]) / det)
     }
 }
 
@@ -239,14 +233,8 @@ mod tests {
     /// The reference polynomial fits the rudder angle to 2.4e-4 rad over the servo's travel.
     #[test]
     fn polynomial_fit_holds() {
-        let coefficients = [
-            0.01060403,
-            0.55690931,
-            -0.02232675,
-            -0.06715217,
-            -0.01420137,
-            -0.00681357,
-        ];
+        let coefficients =
+            [0.01060403, 0.55690931, -0.02232675, -0.06715217, -0.01420137, -0.00681357];
         let mut worst = 0.0_f64;
         for i in -65..=65 {
             let x = f64::to_radians(f64::from(i));

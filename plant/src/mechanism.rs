@@ -66,21 +66,12 @@ impl Mechanism {
     /// As [`Parameters::validate`].
     pub fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
         parameters.validate()?;
-        Ok(Self {
-            parameters: *parameters,
-            linkage: parameters.linkage(),
-        })
+        Ok(Self { parameters: *parameters, linkage: parameters.linkage() })
     }
 
     /// The same mechanism under another thrust (N), which is not checked.
     pub fn with_thrust(&self, thrust_n: f64) -> Self {
-        Self {
-            parameters: Parameters {
-                thrust_n,
-                ..self.parameters
-            },
-            ..self.clone()
-        }
+        Self { parameters: Parameters { thrust_n, ..self.parameters }, ..self.clone() }
     }
 
     /// The parameters.
@@ -100,10 +91,7 @@ impl Mechanism {
         let (g2, g3) = (linkage.link_ratio, linkage.rudder_ratio);
         let (h2, h3) = (linkage.link_curvature, linkage.rudder_curvature);
         let [u1, u2, u3] = directions(crank_rad, linkage.link_rad, linkage.rudder_rad);
-        let (servo, rudder) = (
-            Planar::from(p.servo_axis_m()),
-            Planar::from(p.rudder_axis_m),
-        );
+        let (servo, rudder) = (Planar::from(p.servo_axis_m()), Planar::from(p.rudder_axis_m));
         let half = p.link_length_m / 2.0;
 
         // Each moving body: mass, inertia, ratio, curvature, p, p', p'', direction.
@@ -214,11 +202,7 @@ impl Mechanism {
 /// Unit vectors of crank, link and rudder arm: `R(th1)(0,1)`, `R(th2)(-1,0)`, `R(th3)(0,1)`.
 pub(crate) fn directions(crank: f64, link: f64, rudder: f64) -> [Planar; 3] {
     let ((s1, c1), (s2, c2), (s3, c3)) = (crank.sin_cos(), link.sin_cos(), rudder.sin_cos());
-    [
-        Planar::new(-s1, c1),
-        Planar::new(-c2, -s2),
-        Planar::new(-s3, c3),
-    ]
+    [Planar::new(-s1, c1), Planar::new(-c2, -s2), Planar::new(-s3, c3)]
 }
 
 /// Force of the wash on the rudder and the lever from the rudder axis to where it acts.

@@ -162,10 +162,7 @@ impl Parameters {
 
     /// The servo axis O in the frame of body 0, in m.
     pub fn servo_axis_m(&self) -> [f64; 2] {
-        [
-            self.rudder_axis_m[0] + self.ground_length_m,
-            self.rudder_axis_m[1],
-        ]
+        [self.rudder_axis_m[0] + self.ground_length_m, self.rudder_axis_m[1]]
     }
 
     /// Mass of the four bodies together, in kg.
@@ -217,9 +214,7 @@ impl Parameters {
         // where both ends close, so does all between.
         for crank in [-CRANK_TRAVEL_RAD, CRANK_TRAVEL_RAD] {
             if !linkage.closes_at(crank) {
-                return Err(ParameterError::LinkageOpen {
-                    crank_deg: crank.to_degrees(),
-                });
+                return Err(ParameterError::LinkageOpen { crank_deg: crank.to_degrees() });
             }
         }
         match linkage.crank_for_rudder(0.0) {
@@ -231,9 +226,7 @@ impl Parameters {
 
 /// What has this name among the presets, in any case.
 pub(crate) fn by_name<T: Copy>(presets: &[(&str, T)], name: &str) -> Option<T> {
-    let found = presets
-        .iter()
-        .find(|preset| preset.0.eq_ignore_ascii_case(name))?;
+    let found = presets.iter().find(|preset| preset.0.eq_ignore_ascii_case(name))?;
     Some(found.1)
 }
 
@@ -251,16 +244,12 @@ pub(crate) use named;
 
 /// Refuses the first value that is not finite and above zero.
 pub(crate) fn positive(values: &[Named]) -> Result<(), ParameterError> {
-    check(values, "finite and greater than zero", |value| {
-        value.is_finite() && value > 0.0
-    })
+    check(values, "finite and greater than zero", |value| value.is_finite() && value > 0.0)
 }
 
 /// Refuses the first value that is not finite or below zero.
 pub(crate) fn not_negative(values: &[Named]) -> Result<(), ParameterError> {
-    check(values, "finite and not negative", |value| {
-        value.is_finite() && value >= 0.0
-    })
+    check(values, "finite and not negative", |value| value.is_finite() && value >= 0.0)
 }
 
 /// Refuses the first value that is not finite.
@@ -276,11 +265,7 @@ pub(crate) fn check(
 ) -> Result<(), ParameterError> {
     match values.iter().find(|(_, value)| !good(*value)) {
         None => Ok(()),
-        Some(&(parameter, value)) => Err(ParameterError::OutOfRange {
-            parameter,
-            value,
-            must,
-        }),
+        Some(&(parameter, value)) => Err(ParameterError::OutOfRange { parameter, value, must }),
     }
 }
 
@@ -309,10 +294,7 @@ mod tests {
         assert!(spoil(|p| p.body_cm_m[1] = f64::INFINITY).starts_with("body_cm_m"));
         // The link is too short to span the gap between crank and arm.
         let short = spoil(|p| p.link_length_m = 0.040);
-        assert!(
-            short.contains("cannot close at a crank angle of -65.0 deg"),
-            "{short}"
-        );
+        assert!(short.contains("cannot close at a crank angle of -65.0 deg"), "{short}");
     }
 
     /// What the preset promises: the first moment of all four bodies about the pivot vanishes
@@ -323,10 +305,8 @@ mod tests {
         let state = p.linkage().at(0.0);
         let [ox, oy] = p.servo_axis_m();
         let half = p.link_length_m / 2.0;
-        let link = [
-            ox - half * state.link_rad.cos(),
-            oy + p.crank_length_m - half * state.link_rad.sin(),
-        ];
+        let link =
+            [ox - half * state.link_rad.cos(), oy + p.crank_length_m - half * state.link_rad.sin()];
         for (axis, link) in link.into_iter().enumerate() {
             let moment = p.body_mass_kg * p.body_cm_m[axis]
                 + p.crank_mass_kg * p.servo_axis_m()[axis]

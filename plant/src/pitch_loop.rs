@@ -64,10 +64,7 @@ impl Timing {
     };
 
     /// Digital servo: frames of 3 ms, else the same.
-    pub const DIGITAL: Self = Self {
-        frame_s: 3e-3,
-        ..Self::ANALOGUE
-    };
+    pub const DIGITAL: Self = Self { frame_s: 3e-3, ..Self::ANALOGUE };
 
     /// The firmware with an analogue servo: samples at 150 Hz locked to the 50 Hz frame, every
     /// third one carried by a pulse 5.7 ms later. The sensor's own 100 Hz run free, so that what
@@ -82,10 +79,7 @@ impl Timing {
     };
 
     /// The firmware with a digital servo: the same sampling, frames at 300 Hz.
-    pub const NANO_300HZ: Self = Self {
-        frame_s: 10e-3 / 3.0,
-        ..Self::NANO_50HZ
-    };
+    pub const NANO_300HZ: Self = Self { frame_s: 10e-3 / 3.0, ..Self::NANO_50HZ };
 
     /// The presets and their names.
     pub(crate) const PRESETS: [(&'static str, Self); 4] = [
@@ -102,14 +96,9 @@ impl Timing {
     pub fn validate(&self) -> Result<(), ParameterError> {
         positive(&named!(self; step_s, control_s, frame_s))?;
         // What the sensor has seen is kept for as many steps as its delay has.
-        check(&named!(self; step_s), STEP_WORDS, |value| {
-            value >= SHORTEST_STEP_S
-        })?;
+        check(&named!(self; step_s), STEP_WORDS, |value| value >= SHORTEST_STEP_S)?;
         let refresh = [("refresh_s", self.refresh_s.unwrap_or(LONGEST_S))];
-        for times in [
-            &named!(self; step_s, control_s, frame_s, delay_s)[..],
-            &refresh,
-        ] {
+        for times in [&named!(self; step_s, control_s, frame_s, delay_s)[..], &refresh] {
             check(times, LONGEST_WORDS, |value| value <= LONGEST_S)?;
         }
         not_negative(&[
@@ -254,18 +243,16 @@ impl PitchLoop {
             servo: Servo::new(model, zero_rad, 0.0),
             timing,
             steps: 0,
-            first_control_s: timing.lead_s.map_or(0.0, |lead| {
-                (timing.phase_s - lead).rem_euclid(timing.control_s)
-            }),
+            first_control_s: timing
+                .lead_s
+                .map_or(0.0, |lead| (timing.phase_s - lead).rem_euclid(timing.control_s)),
             controls: 0,
             frames: 0,
             history: vec![[pitch_rad, rate_rad_s]; depth],
             command_rad: zero_rad,
             replaced: (zero_rad, 0.0),
             summed_rad: pitch_rad,
-            summed: timing
-                .refresh_s
-                .map_or(0.0, |period_s| timing.newest_refresh(0.0, period_s)),
+            summed: timing.refresh_s.map_or(0.0, |period_s| timing.newest_refresh(0.0, period_s)),
         })
     }
 
@@ -295,11 +282,8 @@ impl PitchLoop {
                 break;
             }
             let (before_rad, replaced_s) = self.replaced;
-            let command_rad = if edge < replaced_s - 0.5e-9 {
-                before_rad
-            } else {
-                self.command_rad
-            };
+            let command_rad =
+                if edge < replaced_s - 0.5e-9 { before_rad } else { self.command_rad };
             let width_us = self.servo.model().width_for_crank(command_rad);
             self.servo.pulse(edge, width_us);
             self.frames += 1;

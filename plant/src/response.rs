@@ -51,14 +51,9 @@ impl StepResponse {
         samples: impl IntoIterator<Item = (f64, f64)>,
         target: f64,
     ) -> Result<Self, ResponseError> {
-        let (times, errors): (Vec<f64>, Vec<f64>) = samples
-            .into_iter()
-            .map(|(time, value)| (time, value - target))
-            .unzip();
-        let samples = times
-            .iter()
-            .zip(&errors)
-            .map(|(time, error)| [*time, *error]);
+        let (times, errors): (Vec<f64>, Vec<f64>) =
+            samples.into_iter().map(|(time, value)| (time, value - target)).unzip();
+        let samples = times.iter().zip(&errors).map(|(time, error)| [*time, *error]);
         if let Some(index) = first_bad_sample(samples) {
             return Err(ResponseError::BadSample { index });
         }
@@ -155,13 +150,8 @@ mod tests {
         let value = move |t: f64| {
             sign * 0.4 * (-z * wn * t).exp() * ((wd * t).cos() + z * wn / wd * (wd * t).sin())
         };
-        StepResponse::new(
-            (0..3000)
-                .map(|i| f64::from(i) * 1e-3)
-                .map(|t| (t, value(t))),
-            0.0,
-        )
-        .unwrap()
+        StepResponse::new((0..3000).map(|i| f64::from(i) * 1e-3).map(|t| (t, value(t))), 0.0)
+            .unwrap()
     }
 
     #[test]
@@ -203,13 +193,7 @@ mod tests {
         let refuse = |samples: &[(f64, f64)]| StepResponse::new(samples.to_vec(), 0.0).unwrap_err();
         assert_eq!(refuse(&[(0.0, 1.0)]), ResponseError::TooShort);
         assert_eq!(refuse(&[(0.0, 0.0), (1.0, 1.0)]), ResponseError::NoStep);
-        assert_eq!(
-            refuse(&[(0.0, 1.0), (0.0, 1.0)]),
-            ResponseError::BadSample { index: 1 }
-        );
-        assert_eq!(
-            refuse(&[(0.0, f64::NAN), (1.0, 1.0)]),
-            ResponseError::BadSample { index: 0 }
-        );
+        assert_eq!(refuse(&[(0.0, 1.0), (0.0, 1.0)]), ResponseError::BadSample { index: 1 });
+        assert_eq!(refuse(&[(0.0, f64::NAN), (1.0, 1.0)]), ResponseError::BadSample { index: 0 });
     }
 }

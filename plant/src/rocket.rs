@@ -88,10 +88,7 @@ impl RocketParameters {
     };
 
     /// Spica with an unstable airframe: half the aerodynamic moment, of the other sign.
-    pub const SPICA_UNSTABLE: Self = Self {
-        static_margin: -0.75,
-        ..Self::SPICA
-    };
+    pub const SPICA_UNSTABLE: Self = Self { static_margin: -0.75, ..Self::SPICA };
 
     /// Checks that every figure is finite and in range.
     ///
@@ -227,10 +224,7 @@ impl Rocket {
             state = crate::integrate::rk4_step(slope, now, &state, ASCENT_STEP_S);
             ascent.push(state);
         }
-        Ok(Self {
-            parameters: *parameters,
-            ascent,
-        })
+        Ok(Self { parameters: *parameters, ascent })
     }
 
     /// The parameters.
@@ -242,12 +236,7 @@ impl Rocket {
     pub fn at(&self, time_s: f64) -> Flight {
         let p = &self.parameters;
         let time_s = time_s.clamp(0.0, p.burn_s);
-        let MassProperties {
-            mass_kg,
-            cm_m,
-            inertia_kg_m2,
-            ..
-        } = p.mass_at(time_s);
+        let MassProperties { mass_kg, cm_m, inertia_kg_m2, .. } = p.mass_at(time_s);
 
         let place = time_s / ASCENT_STEP_S;
         let before = (place as usize).min(self.ascent.len() - 2);
@@ -319,10 +308,7 @@ mod tests {
 
     #[test]
     fn bad_figures_are_named() {
-        let p = RocketParameters {
-            burn_s: 0.0,
-            ..RocketParameters::SPICA
-        };
+        let p = RocketParameters { burn_s: 0.0, ..RocketParameters::SPICA };
         assert!(Rocket::new(&p).unwrap_err().to_string().contains("burn_s"));
     }
 }

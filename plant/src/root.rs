@@ -26,11 +26,7 @@ pub(crate) fn between(
     }
     for i in 0..ITERATIONS {
         // Every third try halves the bracket, so that a crooked function cannot stall it.
-        let x = if i % 3 == 2 {
-            0.5 * (a.0 + b.0)
-        } else {
-            (a.0 * b.1 - b.0 * a.1) / (b.1 - a.1)
-        };
+        let x = if i % 3 == 2 { 0.5 * (a.0 + b.0) } else { (a.0 * b.1 - b.0 * a.1) / (b.1 - a.1) };
         let y = f(x);
         if y == 0.0 {
             return Some(x);
@@ -57,12 +53,7 @@ mod tests {
     fn finds_roots_and_refuses_none() {
         let root = between(|x| x * x - 2.0, 0.0, 2.0, 1e-14).unwrap();
         assert!((root - 2.0_f64.sqrt()).abs() < 1e-14);
-        let kink = between(
-            |x: f64| if x < 0.3 { -1e-6 } else { x - 0.3 + 1e-6 },
-            0.0,
-            5.0,
-            1e-12,
-        );
+        let kink = between(|x: f64| if x < 0.3 { -1e-6 } else { x - 0.3 + 1e-6 }, 0.0, 5.0, 1e-12);
         assert!((kink.unwrap() - 0.3).abs() < 1e-11);
         assert_eq!(between(|x| x * x + 1.0, -1.0, 1.0, 1e-9), None);
         assert_eq!(between(|x| x, 0.0, 1.0, 1e-9), Some(0.0));

@@ -77,11 +77,7 @@ pub enum SetupError {
 impl Default for Setup {
     /// The recommended drone with an analogue servo.
     fn default() -> Self {
-        Self {
-            drone: Parameters::PHYS,
-            servo: ServoModel::S3003,
-            timing: Timing::ANALOGUE,
-        }
+        Self { drone: Parameters::PHYS, servo: ServoModel::S3003, timing: Timing::ANALOGUE }
     }
 }
 
@@ -99,9 +95,8 @@ impl Setup {
     /// # Errors
     /// See [`SetupError`].
     pub fn parse_over(text: &str, base: &Self) -> Result<Self, SetupError> {
-        let mut file: Table = text
-            .parse()
-            .map_err(|error: toml::de::Error| SetupError::Syntax(error.to_string()))?;
+        let mut file: Table =
+            text.parse().map_err(|error: toml::de::Error| SetupError::Syntax(error.to_string()))?;
         let setup = Self::take_over(&mut file, base)?;
         match file.keys().next() {
             Some(name) => Err(SetupError::UnknownTable(name.clone())),
@@ -168,9 +163,7 @@ fn section<T: Copy + Serialize + DeserializeOwned>(
         let value = in_si(&key, value).map_err(refuse)?;
         merged.insert(key, value);
     }
-    merged
-        .try_into()
-        .map_err(|error: toml::de::Error| refuse(error.message().to_string()))
+    merged.try_into().map_err(|error: toml::de::Error| refuse(error.message().to_string()))
 }
 
 /// A value in the unit of its key: numbers as they are, texts with their unit converted, tables and
@@ -203,9 +196,7 @@ fn quantity(text: &str, units: &[(&str, f64)]) -> Result<f64, String> {
     let text = text.trim();
     let split = text.find(char::is_whitespace).unwrap_or(text.len());
     let (number, unit) = text.split_at(split);
-    let number: f64 = number
-        .parse()
-        .map_err(|_| format!("{number} is not a number"))?;
+    let number: f64 = number.parse().map_err(|_| format!("{number} is not a number"))?;
     let unit = unit.trim();
     match units.iter().find(|(name, _)| *name == unit) {
         Some((_, factor)) => Ok(number * factor),
@@ -221,17 +212,11 @@ fn units(key: &str) -> Option<&'static [(&'static str, f64)]> {
     const DEG: f64 = std::f64::consts::PI / 180.0;
     /// Endings; a longer one stands before the shorter ones that it ends in.
     const ENDINGS: [(&str, &[(&str, f64)]); 13] = [
-        (
-            "_kg_m2",
-            &[("kg m2", 1.0), ("kg cm2", 1e-4), ("g cm2", 1e-7)],
-        ),
+        ("_kg_m2", &[("kg m2", 1.0), ("kg cm2", 1e-4), ("g cm2", 1e-7)]),
         ("_kg", &[("kg", 1.0), ("g", 1e-3)]),
         ("_n_m_per_v", &[("N m/V", 1.0), ("mN m/V", 1e-3)]),
         ("_n_m_s", &[("N m s", 1.0), ("mN m s", 1e-3)]),
-        (
-            "_n_m",
-            &[("N m", 1.0), ("mN m", 1e-3), ("kgf cm", 0.0980665)],
-        ),
+        ("_n_m", &[("N m", 1.0), ("mN m", 1e-3), ("kgf cm", 0.0980665)]),
         ("_n", &[("N", 1.0), ("mN", 1e-3), ("kgf", 9.80665)]),
         ("_m_s2", &[("m/s2", 1.0)]),
         ("_m", &[("m", 1.0), ("mm", 1e-3), ("cm", 1e-2)]),
@@ -243,10 +228,7 @@ fn units(key: &str) -> Option<&'static [(&'static str, f64)]> {
     ];
     // `us_per_rad` has no prefix before its unit.
     let named = format!("_{key}");
-    ENDINGS
-        .iter()
-        .find(|(ending, _)| named.ends_with(ending))
-        .map(|(_, units)| *units)
+    ENDINGS.iter().find(|(ending, _)| named.ends_with(ending)).map(|(_, units)| *units)
 }
 
 #[cfg(test)]
@@ -269,11 +251,7 @@ mod tests {
         assert!(refusal("[timing]\ndelay_s = 1e9").contains("delay_s"));
         assert!(refusal("[timing]\nrefresh_s = 2").contains("refresh_s"));
         let fine = Setup::parse("[timing]\nstep_s = 1e-5\ndelay_s = 1").unwrap();
-        let Setup {
-            drone,
-            servo,
-            timing,
-        } = fine;
+        let Setup { drone, servo, timing } = fine;
         assert!(crate::pitch_loop::PitchLoop::new(&drone, servo, timing, 0.1, 0.0).is_ok());
     }
 

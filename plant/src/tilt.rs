@@ -8,9 +8,5 @@ pub(crate) fn tilt_rad(attitude: &UnitQuaternion<f64>) -> [f64; 2] {
     let down = attitude.inverse() * Vector3::z();
     let across = down.x.hypot(down.y);
     let angle = across.atan2(down.z);
-    if across > 0.0 {
-        [-down.x / across * angle, down.y / across * angle]
-    } else {
-        [angle, 0.0]
-    }
+    if across > 0.0 { [-down.x / across * angle, down.y / across * angle] } else { [angle, 0.0] }
 }

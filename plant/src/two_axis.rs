@@ -149,10 +149,7 @@ impl TwoAxisDrone {
         if !self.held {
             let middle = self.shape_at(angles(0.5));
             let speeds = [0, 1].map(|axis| (end[axis].angle_rad - start[axis].angle_rad) / dt_s);
-            let from = State {
-                attitude: self.attitude.into_inner(),
-                momentum: self.momentum,
-            };
+            let from = State { attitude: self.attitude.into_inner(), momentum: self.momentum };
             let slope = |shape: &Shape, state: &State| self.slope(shape, speeds, state);
             let k1 = slope(&self.shape, &from);
             let k2 = slope(&middle, &from.ahead(&k1, 0.5 * dt_s));
@@ -181,8 +178,7 @@ impl TwoAxisDrone {
 
     /// Rates about the body's axes, rad/s.
     pub fn rates_rad_s(&self) -> [f64; 3] {
-        self.rates(&self.shape, self.speeds(), &self.momentum)
-            .into()
+        self.rates(&self.shape, self.speeds(), &self.momentum).into()
     }
 
     /// The tilt of the body's vertical against the earth's as a vector (the reduced attitude), rad:

@@ -53,10 +53,7 @@ fn record(setup: &Setup, start: f64, seconds: f64, seed: u64) -> Record {
 fn near(estimate: &Estimate, truth: f64, most: f64) {
     let error = (estimate.value - truth).abs();
     assert!(error < most, "{estimate:?}, truth {truth}");
-    assert!(
-        error < 4.0 * estimate.deviation,
-        "{estimate:?}, truth {truth}"
-    );
+    assert!(error < 4.0 * estimate.deviation, "{estimate:?}, truth {truth}");
 }
 
 #[test]
@@ -68,16 +65,8 @@ fn a_release_with_a_chirp_gives_the_drone_back() {
     };
     let (drone, nominal) = (truth.drone, Setup::default().drone);
     near(&thrust, drone.thrust_n, 0.05 * drone.thrust_n);
-    near(
-        &inertia,
-        drone.body_inertia_kg_m2,
-        0.05 * drone.body_inertia_kg_m2,
-    );
-    near(
-        &speed,
-        truth.servo.speed_rad_s,
-        0.03 * truth.servo.speed_rad_s,
-    );
+    near(&inertia, drone.body_inertia_kg_m2, 0.05 * drone.body_inertia_kg_m2);
+    near(&speed, truth.servo.speed_rad_s, 0.03 * truth.servo.speed_rad_s);
     near(&delay, truth.timing.delay_s, 1e-3);
     near(&horn, truth.servo.horn_rad, 1e-3);
     // Thrust over inertia is known best: 4.01 N m/rad over 0.127 kg m2, scaled as the truth was.
@@ -86,11 +75,7 @@ fn a_release_with_a_chirp_gives_the_drone_back() {
     near(&found.pitch_gain, gain, 0.01 * gain);
     assert!(found.pitch_gain.deviation / gain < 0.2 * thrust.deviation / thrust.value);
     // The noise that was put in is what is left over.
-    assert!(
-        (found.pitch_rms_rad - 2e-3).abs() < 2e-4,
-        "{}",
-        found.pitch_rms_rad
-    );
+    assert!((found.pitch_rms_rad - 2e-3).abs() < 2e-4, "{}", found.pitch_rms_rad);
     assert_eq!(Setup::parse(&found.setup.to_toml()).unwrap(), found.setup);
 }
 
@@ -103,14 +88,8 @@ fn records_that_say_nothing_are_refused() {
         f(&mut record);
         identify(&nominal, &record).unwrap_err()
     };
-    assert!(matches!(
-        spoil(|r| r.readings.truncate(10)),
-        IdentifyError::TooShort { .. }
-    ));
-    assert_eq!(
-        spoil(|r| r.readings[7].pitch_rad = f64::NAN),
-        IdentifyError::BadSample(7)
-    );
+    assert!(matches!(spoil(|r| r.readings.truncate(10)), IdentifyError::TooShort { .. }));
+    assert_eq!(spoil(|r| r.readings[7].pitch_rad = f64::NAN), IdentifyError::BadSample(7));
     assert_eq!(spoil(|r| r.pulses.swap(3, 4)), IdentifyError::BadSample(4));
     let still = spoil(|r| r.readings.iter_mut().for_each(|r| r.pitch_rad = 0.1));
     assert_eq!(still, IdentifyError::NoMotion);

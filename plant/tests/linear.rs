@@ -15,10 +15,8 @@ fn closed_poles(model: &StateSpace, gain: RowVector4<f64>) -> Vec<Complex<f64>> 
 
 fn at_zero_rudder(p: &Parameters) -> StateSpace {
     let mechanism = Mechanism::new(p).unwrap();
-    let point = State {
-        crank_rad: mechanism.linkage().zero_rudder_crank_rad(),
-        ..State::default()
-    };
+    let point =
+        State { crank_rad: mechanism.linkage().zero_rudder_crank_rad(), ..State::default() };
     linearise(&mechanism, &point, 0.0)
 }
 
@@ -27,10 +25,7 @@ fn has(found: &[Complex<f64>], expected: &[(f64, f64)], tolerance: f64) {
     assert_eq!(found.len(), expected.len(), "{found:?}");
     for (re, im) in expected {
         let near = |z: &&Complex<f64>| (*z - Complex::new(*re, *im)).norm() < tolerance;
-        assert!(
-            found.iter().any(|z| near(&z)),
-            "{re}{im:+}j not in {found:?}"
-        );
+        assert!(found.iter().any(|z| near(&z)), "{re}{im:+}j not in {found:?}");
     }
 }
 
@@ -56,28 +51,10 @@ fn poles_and_zeros() {
     let phys = Parameters::PHYS;
     let cases = [
         (phys, [(0.0, 23.79), (0.0, 0.128)], (0.0, 57.27)),
-        (
-            Parameters {
-                pressure_centre_m: 0.0,
-                ..phys
-            },
-            [(6.84, 0.0), (0.40, 0.0)],
-            (0.0, 51.6),
-        ),
-        (
-            Parameters {
-                body_cm_m: [0.0, 0.0],
-                ..phys
-            },
-            [(0.0, 23.74), (0.0, 3.06)],
-            (0.0, 57.27),
-        ),
+        (Parameters { pressure_centre_m: 0.0, ..phys }, [(6.84, 0.0), (0.40, 0.0)], (0.0, 51.6)),
+        (Parameters { body_cm_m: [0.0, 0.0], ..phys }, [(0.0, 23.74), (0.0, 3.06)], (0.0, 57.27)),
     ];
-    let table = (
-        Parameters::THESIS_TABLE,
-        [(4.17, 0.0), (0.004, 0.0)],
-        (0.0, 2.28),
-    );
+    let table = (Parameters::THESIS_TABLE, [(4.17, 0.0), (0.004, 0.0)], (0.0, 2.28));
     for (p, poles, zero) in cases.into_iter().chain([table]) {
         let model = at_zero_rudder(&p);
         let both = |(re, im): (f64, f64)| [(re, im), (-re, -im)];
@@ -96,26 +73,15 @@ fn torque_control_of_pitch_alone_is_unstable() {
     }
     // The sign that steers the right way, with the thesis' gains of 2 and 8.
     let right = closed_poles(&model, RowVector4::new(-2.0, -8.0, 0.0, 0.0));
-    has(
-        &right,
-        &[(-131.6, 0.0), (-0.25, 0.0), (8.7, 52.7), (8.7, -52.7)],
-        0.2,
-    );
+    has(&right, &[(-131.6, 0.0), (-0.25, 0.0), (8.7, 52.7), (8.7, -52.7)], 0.2);
     // tau = kq (kp th0 + kd w0 - th1) - dq v1 stands.
     let cascade = closed_poles(&model, -RowVector4::new(2.0, 0.6, -2.0, -0.06));
-    has(
-        &cascade,
-        &[(-44.0, 27.0), (-44.0, -27.0), (-4.6, 3.6), (-4.6, -3.6)],
-        0.8,
-    );
+    has(&cascade, &[(-44.0, 27.0), (-44.0, -27.0), (-4.6, 3.6), (-4.6, -3.6)], 0.8);
 }
 
 #[test]
 fn equilibria_balance_gravity_with_the_rudder() {
-    let p = Parameters {
-        body_cm_m: [0.005, 0.0385],
-        ..Parameters::PHYS
-    };
+    let p = Parameters { body_cm_m: [0.005, 0.0385], ..Parameters::PHYS };
     let mechanism = Mechanism::new(&p).unwrap();
     let rest = equilibrium(&mechanism, 0.0).unwrap();
     // 5 mm of lateral offset of body 0: m0 g x = 0.135 N m over K01 = 4.01 N m/rad of crank.
@@ -150,10 +116,7 @@ fn a_pendulum_rests_where_its_weight_balances_the_wash() {
 #[test]
 fn margins_hold_away_from_zero_rudder() {
     let mechanism = Mechanism::new(&Parameters::PHYS).unwrap();
-    let point = State {
-        crank_rad: 0.6,
-        ..State::default()
-    };
+    let point = State { crank_rad: 0.6, ..State::default() };
     let (servo, timing) = (ServoModel::S3003, Timing::ANALOGUE);
     let zero = OpenLoop::new(&mechanism, &servo, &timing, 1.0, 0.30).margins();
     let away = OpenLoop::at_point(&mechanism, &point, &servo, &timing, 1.0, 0.30);
@@ -191,9 +154,7 @@ fn root_locus_crosses_at_the_gain_margin() {
     let mechanism = Mechanism::new(&Parameters::PHYS).unwrap();
     let open = OpenLoop::new(&mechanism, &ServoModel::S3003, &Timing::ANALOGUE, 1.0, 0.30);
     let margin = 10.0_f64.powf(open.margins().gain.unwrap().db / 20.0);
-    let locus = open
-        .rational()
-        .root_locus([1.0, 0.9 * margin, 1.1 * margin]);
+    let locus = open.rational().root_locus([1.0, 0.9 * margin, 1.1 * margin]);
     let worst = |i: usize| locus[i].poles.iter().map(|p| p.re).fold(f64::MIN, f64::max);
     assert!(worst(0) < -1.0 && worst(1) < 0.0 && worst(2) > 0.0);
 }

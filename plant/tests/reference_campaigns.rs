@@ -8,10 +8,7 @@ use plant::pitch_loop::{Pd, Timing};
 /// reference flew other draws, so that rates agree within their confidence only.
 fn compare(ranges: Ranges, expected: [f64; 3]) -> Vec<Outcome> {
     let setup = Setup::default();
-    let campaign = Campaign {
-        ranges,
-        ..Campaign::new(1, 300)
-    };
+    let campaign = Campaign { ranges, ..Campaign::new(1, 300) };
     let linkage = setup.drone.linkage();
     let law = |_: &Timing| {
         let mut law = Pd::new(1.0, 0.30, &linkage, setup.timing.control_s);
@@ -19,17 +16,11 @@ fn compare(ranges: Ranges, expected: [f64; 3]) -> Vec<Outcome> {
     };
     let outcomes = fly(&setup, &campaign, |_| true, law, || ()).unwrap();
     assert_eq!(outcomes.len(), 300);
-    let settlings: [fn(&Outcome) -> Option<f64>; 3] = [
-        |o| o.settling_5pct_s,
-        |o| o.settling_2pct_s,
-        |o| o.settling_20mrad_s,
-    ];
+    let settlings: [fn(&Outcome) -> Option<f64>; 3] =
+        [|o| o.settling_5pct_s, |o| o.settling_2pct_s, |o| o.settling_20mrad_s];
     for (settling, expected) in settlings.into_iter().zip(expected) {
         let found = pass_rate(&outcomes, |o| o.passes_with(settling(o)));
-        assert!(
-            (found.low..=found.high).contains(&expected),
-            "{found:?} {expected}"
-        );
+        assert!((found.low..=found.high).contains(&expected), "{found:?} {expected}");
     }
     outcomes
 }

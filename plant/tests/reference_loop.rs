@@ -19,10 +19,7 @@ fn reference_run_to_3_mrad() {
         "/tests/data/pd_nominal_S3003_02.csv"
     ))
     .unwrap();
-    let timing = Timing {
-        phase_s: 10e-3,
-        ..Timing::ANALOGUE
-    };
+    let timing = Timing { phase_s: 10e-3, ..Timing::ANALOGUE };
     let mut law = pd(1.0, 0.30, timing);
     let mut sim = fly(ServoModel::S3003, timing, 0.2);
     let mut sample = sim.sample();
@@ -38,10 +35,7 @@ fn reference_run_to_3_mrad() {
         rows += 1;
     }
     assert_eq!(rows, 601);
-    assert!(
-        worst[0] < 3e-3 && worst[1] < 3e-3,
-        "pitch and crank: {worst:?}"
-    );
+    assert!(worst[0] < 3e-3 && worst[1] < 3e-3, "pitch and crank: {worst:?}");
 }
 
 /// A row of the reference table: medians over eight frame phases.
@@ -62,12 +56,8 @@ fn median(mut values: Vec<f64>) -> f64 {
 /// spread evenly, which moves a median by less than a percent and by 0.02 s at most.
 #[test]
 fn reference_table_of_responses() {
-    let analogue = |gains, figures| Row {
-        model: ServoModel::S3003,
-        timing: Timing::ANALOGUE,
-        gains,
-        figures,
-    };
+    let analogue =
+        |gains, figures| Row { model: ServoModel::S3003, timing: Timing::ANALOGUE, gains, figures };
     let digital = |gains, figures| Row {
         model: ServoModel::DIGITAL,
         timing: Timing::DIGITAL,
@@ -75,30 +65,11 @@ fn reference_table_of_responses() {
         figures,
     };
     let rows = [
-        analogue(
-            [1.0, 0.30],
-            [
-                [0.0, 0.517, 0.661],
-                [0.0, 0.538, 0.657],
-                [0.0, 0.577, 0.685],
-            ],
-        ),
-        analogue(
-            [0.9, 0.25],
-            [[3.4, 0.46, 0.503], [2.1, 0.48, 0.526], [2.2, 0.52, 0.569]],
-        ),
-        analogue(
-            [1.2, 0.35],
-            [[0.9, 0.55, 0.772], [0.7, 0.56, 0.734], [0.3, 0.57, 0.732]],
-        ),
-        digital(
-            [1.6, 0.35],
-            [[1.6, 0.40, 0.446], [0.9, 0.42, 0.465], [0.9, 0.45, 0.496]],
-        ),
-        digital(
-            [1.8, 0.35],
-            [[2.5, 0.36, 0.389], [2.6, 0.38, 0.411], [4.7, 0.39, 0.419]],
-        ),
+        analogue([1.0, 0.30], [[0.0, 0.517, 0.661], [0.0, 0.538, 0.657], [0.0, 0.577, 0.685]]),
+        analogue([0.9, 0.25], [[3.4, 0.46, 0.503], [2.1, 0.48, 0.526], [2.2, 0.52, 0.569]]),
+        analogue([1.2, 0.35], [[0.9, 0.55, 0.772], [0.7, 0.56, 0.734], [0.3, 0.57, 0.732]]),
+        digital([1.6, 0.35], [[1.6, 0.40, 0.446], [0.9, 0.42, 0.465], [0.9, 0.45, 0.496]]),
+        digital([1.8, 0.35], [[2.5, 0.36, 0.389], [2.6, 0.38, 0.411], [4.7, 0.39, 0.419]]),
     ];
     for row in &rows {
         for (start, expected) in [0.2, 0.4, 0.8].into_iter().zip(row.figures) {
@@ -109,9 +80,8 @@ fn reference_table_of_responses() {
                     ..row.timing
                 };
                 let mut law = pd(row.gains[0], row.gains[1], timing);
-                let response = fly(row.model, timing, start)
-                    .respond(3.0, |m| law.update(m))
-                    .unwrap();
+                let response =
+                    fly(row.model, timing, start).respond(3.0, |m| law.update(m)).unwrap();
                 seen[0].push(response.overshoot_pct());
                 seen[1].push(response.rise_s().unwrap());
                 seen[2].push(response.settling_s(0.05).unwrap());

@@ -108,9 +108,7 @@ where
     };
     let period_us = facts.period_s * 1e6;
     // A rate in single precision may make the period half a microsecond too long.
-    let parts = ((period_us - 0.5) / f64::from(*fixed::PERIOD_US.end()))
-        .ceil()
-        .max(1.0);
+    let parts = ((period_us - 0.5) / f64::from(*fixed::PERIOD_US.end())).ceil().max(1.0);
     let refused = |error| refused(choice, error);
     // Else a header that says 1e-30 Hz would take for ever, a step at a time.
     if parts > MOST_PARTS {
@@ -194,8 +192,7 @@ impl<F: fixed::Filter> Engine for Counted<F> {
             let whole_us = self.owed_us.round();
             self.owed_us -= whole_us;
             let counts = fixed::Counts { gyr, acc, mag };
-            self.estimator
-                .update(&mut self.state, whole_us as u32, &counts);
+            self.estimator.update(&mut self.state, whole_us as u32, &counts);
         }
         let orientation = self.estimator.orientation(&self.state);
         orientation.wxyz_q30.map(f64::from)

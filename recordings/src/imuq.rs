@@ -76,11 +76,7 @@ impl Header {
             }
         };
         let absent_or_scale = |at: usize, what: &str| {
-            if number(at) == 0.0 {
-                Ok(0.0)
-            } else {
-                scale(at, what)
-            }
+            if number(at) == 0.0 { Ok(0.0) } else { scale(at, what) }
         };
         let samples = u32::from_le_bytes(word(8));
         let title = &header[36..];
@@ -179,11 +175,7 @@ impl Recording {
             .zip(0..)
             .map(|(record, index)| header.sample(index, record))
             .collect();
-        Ok(Self {
-            name: header.name,
-            rate_hz: header.rate_hz,
-            samples,
-        })
+        Ok(Self { name: header.name, rate_hz: header.rate_hz, samples })
     }
 
     /// The recording's own name.

@@ -30,10 +30,7 @@ impl<R: Read> Read for Lines<R> {
             None => self.length + count,
         };
         match self.length > LONGEST {
-            true => Err(Error::new(
-                ErrorKind::InvalidData,
-                "it has a line above 1 MiB",
-            )),
+            true => Err(Error::new(ErrorKind::InvalidData, "it has a line above 1 MiB")),
             false => Ok(count),
         }
     }
@@ -48,13 +45,9 @@ mod tests {
     fn lines_that_end_are_read_and_one_that_does_not_is_refused() {
         let mut read = Vec::new();
         let lines = vec![b"a,b\n".to_vec(); 1 << 20].concat();
-        Lines::new(Cursor::new(&lines))
-            .read_to_end(&mut read)
-            .unwrap();
+        Lines::new(Cursor::new(&lines)).read_to_end(&mut read).unwrap();
         assert_eq!(read, lines);
-        let error = Lines::new(repeat(0))
-            .read_to_end(&mut Vec::new())
-            .unwrap_err();
+        let error = Lines::new(repeat(0)).read_to_end(&mut Vec::new()).unwrap_err();
         assert!(error.to_string().contains("1 MiB"), "{error}");
     }
 }

@@ -41,10 +41,9 @@ fn by_name<T: Real>(
         FilterName::Vqf => {
             let mut choice = choice.clone();
             if choice.settings.iter().all(|set| set.key != "preset") {
-                choice.settings.push(Setting {
-                    key: "preset".to_owned(),
-                    value: "offline".to_owned(),
-                });
+                choice
+                    .settings
+                    .push(Setting { key: "preset".to_owned(), value: "offline".to_owned() });
             }
             run::<Vqf<T>>(&choice, facts, samples)
         }
@@ -64,10 +63,7 @@ fn run<F: Filter<Gains: Gains>>(
             let last_s = last_s.replace(recorded.time_s);
             let dt_s = last_s.map_or(facts.period_s, |last_s| recorded.time_s - last_s);
             let mag_ut = recorded.mag_ut.filter(|_| choice.mode == Mode::NineD);
-            TimedSample {
-                dt_s: dt_s as f32,
-                sample: sample(recorded, mag_ut),
-            }
+            TimedSample { dt_s: dt_s as f32, sample: sample(recorded, mag_ut) }
         })
         .collect();
     let attitudes =
@@ -77,8 +73,5 @@ fn run<F: Filter<Gains: Gains>>(
         let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
         q.map(|c| c / norm)
     };
-    Ok(attitudes
-        .into_iter()
-        .map(|attitude| unit(attitude.orientation))
-        .collect())
+    Ok(attitudes.into_iter().map(|attitude| unit(attitude.orientation)).collect())
 }

@@ -25,10 +25,8 @@ impl Gains for () {
 }
 
 impl Gains for ComplementaryGains {
-    const KEYS: &'static [Key<Self>] = &[
-        ("acc_tau_s", |gains| &mut gains.acc_tau_s),
-        ("mag_tau_s", |gains| &mut gains.mag_tau_s),
-    ];
+    const KEYS: &'static [Key<Self>] =
+        &[("acc_tau_s", |gains| &mut gains.acc_tau_s), ("mag_tau_s", |gains| &mut gains.mag_tau_s)];
     const PRESETS: &'static [Preset<Self>] =
         &[("default", Self::default), ("thesis", Self::thesis)];
 }
@@ -67,11 +65,8 @@ impl Gains for VqfGains {
         ("acc_smoothing_s", |gains| &mut gains.acc_smoothing_s),
         ("mag_tau_s", |gains| &mut gains.mag_tau_s),
     ];
-    const PRESETS: &'static [Preset<Self>] = &[
-        ("default", Self::default),
-        ("published", Self::published),
-        ("offline", Self::offline),
-    ];
+    const PRESETS: &'static [Preset<Self>] =
+        &[("default", Self::default), ("published", Self::published), ("offline", Self::offline)];
 }
 
 /// The settings that all filters share.
@@ -85,26 +80,18 @@ fn shared<G>() -> [Key<Config<G>>; 21] {
         ("gyr_lag_s", |config| &mut config.gyr_lag_s),
         ("acc_lag_s", |config| &mut config.acc_lag_s),
         ("mag_lag_s", |config| &mut config.mag_lag_s),
-        ("mag_lag_prior_rad2_s", |config| {
-            &mut config.mag_lag_prior_rad2_s
-        }),
+        ("mag_lag_prior_rad2_s", |config| &mut config.mag_lag_prior_rad2_s),
         ("declination_rad", |config| &mut config.declination_rad),
         ("rest.rate_rad_s", |config| &mut config.rest.rate_rad_s),
         ("rest.acc_m_s2", |config| &mut config.rest.acc_m_s2),
         ("rest.time_s", |config| &mut config.rest.time_s),
-        ("rest.max_bias_rad_s", |config| {
-            &mut config.rest.max_bias_rad_s
-        }),
+        ("rest.max_bias_rad_s", |config| &mut config.rest.max_bias_rad_s),
         ("rest.tau_s", |config| &mut config.rest.tau_s),
-        ("rest.motion_tilt_rad", |config| {
-            &mut config.rest.motion_tilt_rad
-        }),
+        ("rest.motion_tilt_rad", |config| &mut config.rest.motion_tilt_rad),
         ("field.gate", |config| &mut config.field.gate),
         ("field.tau_s", |config| &mut config.field.tau_s),
         ("field.adopt_s", |config| &mut config.field.adopt_s),
-        ("field.adopt_rate_rad_s", |config| {
-            &mut config.field.adopt_rate_rad_s
-        }),
+        ("field.adopt_rate_rad_s", |config| &mut config.field.adopt_rate_rad_s),
         ("field.reject_s", |config| &mut config.field.reject_s),
     ]
 }
@@ -133,10 +120,8 @@ pub(crate) fn config<G: Gains>(
         config.gains = gains();
     }
     for setting in others {
-        let value = setting
-            .value
-            .parse::<f32>()
-            .map_err(|_| ChoiceError::NotANumber(setting.clone()))?;
+        let value =
+            setting.value.parse::<f32>().map_err(|_| ChoiceError::NotANumber(setting.clone()))?;
         *field(&mut config, &setting.key).ok_or_else(|| unknown::<G>(filter, &setting.key))? =
             value;
     }
@@ -208,9 +193,7 @@ mod tests {
     #[test]
     fn the_recordings_range_narrows_the_default_but_not_what_is_set() {
         let of = |range, settings: &[&str]| {
-            config::<VqfGains>(FilterName::Vqf, range, &set(settings))
-                .unwrap()
-                .gyro_range_rad_s
+            config::<VqfGains>(FilterName::Vqf, range, &set(settings)).unwrap().gyro_range_rad_s
         };
         assert_eq!(of(Some(8.0), &[]), 8.0);
         assert_eq!(of(Some(90.0), &[]), of(None, &[]));

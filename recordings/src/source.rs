@@ -21,11 +21,8 @@ const LONE_PERIOD_S: f64 = 0.01;
 
 /// Values of a count for fixed point, where the recording is in SI units: 2000 deg/s, 16 g and 1638
 /// uT at full scale.
-const COUNTS: fixed::Scale = fixed::Scale {
-    gyr_rad_s: 34.906_586 / 32_767.0,
-    acc_m_s2: 156.906_4 / 32_767.0,
-    mag_ut: 0.05,
-};
+const COUNTS: fixed::Scale =
+    fixed::Scale { gyr_rad_s: 34.906_586 / 32_767.0, acc_m_s2: 156.906_4 / 32_767.0, mag_ut: 0.05 };
 
 /// Largest count, less what the offset correction of a recording may have moved it by.
 const FULL_SCALE: f64 = 32_700.0;
@@ -51,11 +48,7 @@ pub struct Source {
 }
 
 enum Format {
-    Counts {
-        header: Header,
-        file: BufReader<File>,
-        next: u32,
-    },
+    Counts { header: Header, file: BufReader<File>, next: u32 },
     Table(Box<Table<Lines<BufReader<File>>>>),
 }
 
@@ -74,10 +67,7 @@ impl Source {
         }
         let mut file = BufReader::with_capacity(BUFFER, file);
         let mut start = Vec::with_capacity(Header::BYTES);
-        file.by_ref()
-            .take(Header::BYTES as u64)
-            .read_to_end(&mut start)
-            .map_err(unread)?;
+        file.by_ref().take(Header::BYTES as u64).read_to_end(&mut start).map_err(unread)?;
         if Header::is_magic(&start) {
             let header = Header::parse(&name, &start)?;
             if metadata.is_file() {
@@ -101,20 +91,12 @@ impl Source {
                 scale: fixed::Scale {
                     gyr_rad_s: header.gyr_rad_s as f32,
                     acc_m_s2: header.acc_m_s2 as f32,
-                    mag_ut: if header.mag_ut > 0.0 {
-                        header.mag_ut as f32
-                    } else {
-                        COUNTS.mag_ut
-                    },
+                    mag_ut: if header.mag_ut > 0.0 { header.mag_ut as f32 } else { COUNTS.mag_ut },
                 },
                 gyro_range_rad_s: Some(full_scale),
             },
             bytes,
-            format: Format::Counts {
-                header,
-                file,
-                next: 0,
-            },
+            format: Format::Counts { header, file, next: 0 },
             ahead: VecDeque::new(),
         }
     }
@@ -137,11 +119,7 @@ impl Source {
             name,
             facts: Facts {
                 period_s: usual_period_s(&ahead),
-                scale: if table.is_counts() {
-                    fixed::Scale::BNO055
-                } else {
-                    COUNTS
-                },
+                scale: if table.is_counts() { fixed::Scale::BNO055 } else { COUNTS },
                 gyro_range_rad_s: None,
             },
             bytes,
@@ -207,8 +185,5 @@ fn usual_period_s(samples: &VecDeque<RecordedSample>) -> f64 {
         .filter(|period| *period > 0.0)
         .collect();
     periods.sort_by(f64::total_cmp);
-    periods
-        .get(periods.len() / 2)
-        .copied()
-        .unwrap_or(LONE_PERIOD_S)
+    periods.get(periods.len() / 2).copied().unwrap_or(LONE_PERIOD_S)
 }

@@ -52,13 +52,10 @@ impl<R: Read> Table<R> {
     /// # Errors
     /// [`RecordingError::Foreign`]: columns that are needed are missing.
     pub(crate) fn read(name: &str, start: Vec<u8>, rest: R) -> Result<Self, RecordingError> {
-        let mut reader = ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .from_reader(Cursor::new(start).chain(rest));
+        let mut reader =
+            ReaderBuilder::new().trim(csv::Trim::All).from_reader(Cursor::new(start).chain(rest));
         let foreign = |reason: String| RecordingError::Foreign(name.to_owned(), reason);
-        let header = reader
-            .headers()
-            .map_err(|_| foreign("its first line is no text".into()))?;
+        let header = reader.headers().map_err(|_| foreign("its first line is no text".into()))?;
         let names: Vec<String> = header.iter().map(str::to_ascii_lowercase).collect();
         let columns = Columns::find(&names).map_err(foreign)?;
         Ok(Self {
@@ -120,10 +117,7 @@ impl Columns {
         };
         let vector = |prefix: &str, suffix: &str, unit: f64| {
             let [x, y, z] = ["x", "y", "z"].map(|axis| at(&format!("{prefix}{axis}{suffix}")));
-            Some(Vector {
-                columns: [x?, y?, z?],
-                unit,
-            })
+            Some(Vector { columns: [x?, y?, z?], unit })
         };
         let [w, x, y, z] = REFERENCE.map(at);
         let reference = (|| Some([w?, x?, y?, z?]))();
@@ -169,10 +163,7 @@ impl Columns {
             return Err("the time is not a number".into());
         }
         let mag_ut = self.mag.map(|mag| mag.read(record)).transpose()?;
-        let reference = self
-            .reference
-            .map(|columns| quadruple(record, columns))
-            .transpose()?;
+        let reference = self.reference.map(|columns| quadruple(record, columns)).transpose()?;
         Ok(RecordedSample {
             time_s,
             gyr_rad_s: self.gyr.read(record)?,
@@ -252,10 +243,7 @@ mod tests {
         ))
         .unwrap();
         let first = table.next_sample().unwrap().unwrap();
-        assert_eq!(
-            (first.mag_ut, first.reference, first.movement),
-            (None, None, false)
-        );
+        assert_eq!((first.mag_ut, first.reference, first.movement), (None, None, false));
         let second = table.next_sample().unwrap().unwrap();
         assert_eq!(second.mag_ut, Some([20.0, 0.0, -40.0]));
         assert_eq!(second.reference, Some([1.0, 0.0, 0.0, 0.0]));

@@ -51,33 +51,18 @@ fn errors_are_as_large_as_they_are_said_to_be() {
         .into_iter()
         .flatten()
         .filter_map(|entry| entry.ok().map(|entry| entry.path()))
-        .filter(|path| {
-            path.extension()
-                .is_some_and(|extension| extension == "imuq")
-        })
+        .filter(|path| path.extension().is_some_and(|extension| extension == "imuq"))
         .collect();
     others.sort();
     files.append(&mut others);
     let mut mean = [0.0; 2];
     for file in &files {
         let errors = normalised(file);
-        println!(
-            "{}: tilt {:.2}, heading {:.2}",
-            file.display(),
-            errors[0],
-            errors[1]
-        );
+        println!("{}: tilt {:.2}, heading {:.2}", file.display(), errors[0], errors[1]);
         for (error, mean) in errors.iter().zip(&mut mean) {
-            assert!(
-                (0.3..2.0).contains(error),
-                "{errors:?} in {}",
-                file.display()
-            );
+            assert!((0.3..2.0).contains(error), "{errors:?} in {}", file.display());
             *mean += error / files.len() as f64;
         }
     }
-    assert!(
-        mean.iter().all(|mean| (0.5..2.0).contains(mean)),
-        "{mean:?}"
-    );
+    assert!(mean.iter().all(|mean| (0.5..2.0).contains(mean)), "{mean:?}");
 }

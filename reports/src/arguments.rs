@@ -8,9 +8,7 @@ use std::ops::{RangeBounds, RangeInclusive};
 /// `what`.
 pub fn number(text: &str, range: impl RangeBounds<f64>, what: &str) -> Result<f64, String> {
     let number = text.trim().parse().ok();
-    number
-        .filter(|number| range.contains(number))
-        .ok_or_else(|| what.to_owned())
+    number.filter(|number| range.contains(number)).ok_or_else(|| what.to_owned())
 }
 
 /// Two numbers in ranges, with a comma between them.
@@ -31,11 +29,7 @@ pub fn numbers(
 /// # Errors
 /// What such a time looks like.
 pub fn seconds(text: &str) -> Result<f64, String> {
-    number(
-        text,
-        f64::MIN_POSITIVE..=1e6,
-        "a time is a number of seconds above 0, such as 10",
-    )
+    number(text, f64::MIN_POSITIVE..=1e6, "a time is a number of seconds above 0, such as 10")
 }
 
 /// Parses a part of a campaign, `3/16`, as index from 0 and number.

@@ -77,9 +77,6 @@ mod tests {
             ("ratio", "", 2),
             [None; 2],
         )]));
-        assert_eq!(
-            text.unwrap(),
-            r#"{"ratio":{"mean":null,"p95":null,"worst":null}}"#
-        );
+        assert_eq!(text.unwrap(), r#"{"ratio":{"mean":null,"p95":null,"worst":null}}"#);
     }
 }

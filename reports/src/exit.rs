@@ -70,10 +70,7 @@ pub fn exit_code(result: anyhow::Result<Verdict>) -> ExitCode {
 
 /// The chain of causes as `what: why: why`, line breaks folded.
 fn one_line(error: &anyhow::Error) -> String {
-    format!("{error:#}")
-        .split_whitespace()
-        .collect::<Vec<_>>()
-        .join(" ")
+    format!("{error:#}").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
@@ -85,10 +82,7 @@ mod tests {
     fn bad_input_keeps_its_status_under_added_context() {
         let result: anyhow::Result<Verdict> =
             Err(BadInput::new("no such file")).context("reading flight.imuq");
-        assert_eq!(
-            format!("{:?}", exit_code(result)),
-            format!("{:?}", ExitCode::from(2))
-        );
+        assert_eq!(format!("{:?}", exit_code(result)), format!("{:?}", ExitCode::from(2)));
     }
 
     #[test]

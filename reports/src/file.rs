@@ -19,11 +19,7 @@ pub fn print_figures<F: Serialize>(
     json: bool,
     text: impl FnOnce(&F) -> String,
 ) -> Result<()> {
-    if json {
-        print_json(figures)
-    } else {
-        print(text(figures))
-    }
+    if json { print_json(figures) } else { print(text(figures)) }
 }
 
 /// Prints `value` on standard output as one line of JSON.
@@ -38,9 +34,7 @@ pub fn print_json(value: &impl Serialize) -> Result<()> {
 /// Standard output cannot be written; the standard library's macros panic there.
 pub fn print(text: impl Display) -> Result<()> {
     let mut out = io::stdout().lock();
-    write!(out, "{text}")
-        .and_then(|()| out.flush())
-        .context("writing to standard output")
+    write!(out, "{text}").and_then(|()| out.flush()).context("writing to standard output")
 }
 
 /// Ends a command that has `printed` its figures: writes the page, names on standard error what was
@@ -62,8 +56,7 @@ pub fn hand_over(
 /// Writes `bytes` to `path`, whole or not at all. Creates the folder.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut file = WholeFile::create(path)?;
-    file.write_all(bytes)
-        .with_context(|| format!("writing {}", path.display()))?;
+    file.write_all(bytes).with_context(|| format!("writing {}", path.display()))?;
     file.keep()
 }
 
@@ -108,22 +101,12 @@ impl WholeFile {
                 (file, Some(beside))
             }
         };
-        Ok(Self {
-            name: name.to_path_buf(),
-            path,
-            file: BufWriter::new(file),
-            beside,
-        })
+        Ok(Self { name: name.to_path_buf(), path, file: BufWriter::new(file), beside })
     }
 
     /// Puts the file in its place.
     pub fn keep(self) -> Result<()> {
-        let Self {
-            name,
-            path,
-            file,
-            beside,
-        } = self;
+        let Self { name, path, file, beside } = self;
         let place = || {
             file.into_inner().map_err(io::IntoInnerError::into_error)?;
             let Some(beside) = beside else { return Ok(()) };
@@ -190,10 +173,7 @@ fn folder_of(path: &Path) -> &Path {
 
 /// The nearest folder at or above `folder` that exists.
 fn existing(folder: &Path) -> &Path {
-    folder
-        .ancestors()
-        .find(|folder| folder.exists())
-        .unwrap_or(Path::new("."))
+    folder.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("."))
 }
 
 #[cfg(test)]

@@ -46,11 +46,7 @@ pub fn bytes(path: &Path, longest: u64) -> io::Result<Vec<u8>> {
 pub fn open(path: &Path, longest: u64) -> io::Result<impl Read> {
     let file = File::open(path)?;
     let about = file.metadata()?;
-    let limited = Limited {
-        file,
-        longest,
-        left: longest,
-    };
+    let limited = Limited { file, longest, left: longest };
     match about.is_file() && about.len() > longest {
         true => Err(limited.too_long()),
         false => Ok(limited),
@@ -90,12 +86,7 @@ mod tests {
         let path = folder.path().join("file");
         std::fs::write(&path, b"12345").unwrap();
         assert_eq!(bytes(&path, 5).unwrap(), b"12345");
-        assert!(
-            bytes(&path, 4)
-                .unwrap_err()
-                .to_string()
-                .contains("too long")
-        );
+        assert!(bytes(&path, 4).unwrap_err().to_string().contains("too long"));
         assert_eq!(text(&path).unwrap(), "12345");
         std::fs::write(&path, [0xFF]).unwrap();
         assert!(text(&path).unwrap_err().to_string().contains("no text"));

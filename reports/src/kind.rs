@@ -36,11 +36,7 @@ const KINDS: [(Kind, &str, &[&str]); 8] = [
     (Kind::Log, "a telemetry log", &["tlog", "mcap"]),
     (Kind::Table, "a table", &["csv"]),
     (Kind::Page, "a page", &["html", "htm"]),
-    (
-        Kind::Parameters,
-        "a parameter file",
-        &["parm", "param", "params"],
-    ),
+    (Kind::Parameters, "a parameter file", &["parm", "param", "params"]),
     (Kind::Toml, "a TOML file", &["toml"]),
     (Kind::Recording, "a recording", &["imuq"]),
     (Kind::Image, "an image", &["elf", "bin", "uf2"]),
@@ -210,10 +206,9 @@ fn output(path: &str, kinds: &[Kind]) -> Result<PathBuf, String> {
 
 fn check(path: &Path, kinds: &[Kind]) -> Result<(), String> {
     match of_name(path) {
-        Some((kind, words)) if !kinds.contains(&kind) => Err(format!(
-            "that is the name of {words}; what is written ends in {}",
-            ends(kinds)
-        )),
+        Some((kind, words)) if !kinds.contains(&kind) => {
+            Err(format!("that is the name of {words}; what is written ends in {}", ends(kinds)))
+        }
         _ if kinds.iter().any(|kind| may_replace(path, *kind)) => {
             try_place(path).map_err(|error| format!("it cannot be written: {error}"))
         }

@@ -241,9 +241,7 @@ impl Figure {
 
     /// The least and the greatest value within the limit.
     pub fn range(&self) -> (f64, f64) {
-        let limit = self
-            .limit
-            .unwrap_or(Limit::Within(f64::NEG_INFINITY, f64::INFINITY));
+        let limit = self.limit.unwrap_or(Limit::Within(f64::NEG_INFINITY, f64::INFINITY));
         limit.range()
     }
 
@@ -256,11 +254,7 @@ impl Figure {
     /// Label, value and limit in one sentence.
     pub fn sentence(&self) -> String {
         let required = self.required();
-        let rest = if required.is_empty() {
-            ""
-        } else {
-            ", required: "
-        };
+        let rest = if required.is_empty() { "" } else { ", required: " };
         format!("{}: {}{rest}{required}", self.label, self.amount())
     }
 
@@ -298,12 +292,7 @@ impl Figure {
             let limit = one.filter(|one| limits.all(|limit| limit == *one));
             let limit = limit.map(|limit| format!(" ({})", limit.words(first.scale)));
             let comma = if first.unit.is_empty() { "" } else { ", " };
-            format!(
-                "{}{comma}{}{}",
-                first.label,
-                first.unit,
-                limit.unwrap_or_default()
-            )
+            format!("{}{comma}{}{}", first.label, first.unit, limit.unwrap_or_default())
         });
         let cells = |row: &Vec<&Self>| row.iter().map(|figure| figure.cell()).collect();
         Table::new(head, rows.iter().map(cells)).right_aligned()
@@ -379,9 +368,7 @@ impl Figures {
     /// Label and value of everything that is in no table of its own.
     pub fn named(&self) -> Vec<[String; 2]> {
         let leaves = self.0.iter().flat_map(|figure| figure.leaves(false));
-        leaves
-            .map(|leaf| [leaf.label.clone(), leaf.amount()])
-            .collect()
+        leaves.map(|leaf| [leaf.label.clone(), leaf.amount()]).collect()
     }
 
     /// The table under a key.
@@ -452,11 +439,7 @@ pub fn lines<'a>(figures: impl IntoIterator<Item = &'a Figure>) -> Table {
         }
         row
     };
-    let head = if limited {
-        &["", "measured", "required"][..]
-    } else {
-        &[]
-    };
+    let head = if limited { &["", "measured", "required"][..] } else { &[] };
     Table::new(head.iter().copied(), figures.iter().map(row))
 }
 
@@ -478,12 +461,8 @@ mod tests {
             figure(
                 "loop",
                 [
-                    figure("jitter_us", jitter)
-                        .shown("jitter", "us", 1)
-                        .limit(Below(100.0)),
-                    figure("load", 0.125)
-                        .shown("core awake", "%", 1)
-                        .scaled(100.0),
+                    figure("jitter_us", jitter).shown("jitter", "us", 1).limit(Below(100.0)),
+                    figure("load", 0.125).shown("core awake", "%", 1).scaled(100.0),
                 ],
             ),
             rows("runs", [run]),

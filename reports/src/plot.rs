@@ -42,11 +42,7 @@ pub struct Plot<'a> {
 impl<'a> Line<'a> {
     /// A line through points `(x, y)`, x ascending.
     pub fn new(name: &'a str, colour: usize, points: Vec<(f64, f64)>) -> Self {
-        Self {
-            name,
-            colour,
-            points,
-        }
+        Self { name, colour, points }
     }
 }
 
@@ -104,13 +100,7 @@ type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
 impl<'a> Plot<'a> {
     /// A plot without a band; axes are labelled with their units.
     pub fn new(x: &'a str, y: &'a str, lines: Vec<Line<'a>>) -> Self {
-        Self {
-            x,
-            y,
-            lines,
-            band: None,
-            stretches: Vec::new(),
-        }
+        Self { x, y, lines, band: None, stretches: Vec::new() }
     }
 
     /// With shaded stretches of x.
@@ -249,18 +239,10 @@ impl<'a> Plot<'a> {
             }
         }
         if x.0 >= x.1 {
-            x = if x.0.is_finite() {
-                (x.0, x.0 + 1.0)
-            } else {
-                (0.0, 1.0)
-            };
+            x = if x.0.is_finite() { (x.0, x.0 + 1.0) } else { (0.0, 1.0) };
         }
         if y.0 >= y.1 {
-            y = if y.0.is_finite() {
-                (y.0 - 1.0, y.0 + 1.0)
-            } else {
-                (0.0, 1.0)
-            };
+            y = if y.0.is_finite() { (y.0 - 1.0, y.0 + 1.0) } else { (0.0, 1.0) };
         }
         let margin = 0.06 * (y.1 - y.0);
         let (x0, x1) = look.x.unwrap_or(x);
@@ -309,11 +291,7 @@ mod tests {
     use super::*;
 
     fn plot(points: Vec<(f64, f64)>) -> Plot<'static> {
-        let lines = vec![Line {
-            name: "pitch",
-            colour: 0,
-            points,
-        }];
+        let lines = vec![Line { name: "pitch", colour: 0, points }];
         Plot {
             x: "time, s",
             y: "pitch, deg",
@@ -349,11 +327,7 @@ mod tests {
             (1e12, 1e12 + 1.0),
             (0.0, 0.0),
         ] {
-            let look = Look {
-                x: Some((low, high)),
-                y: Some((low, high)),
-                ..Look::default()
-            };
+            let look = Look { x: Some((low, high)), y: Some((low, high)), ..Look::default() };
             plot(vec![(0.5, 0.5)]).svg_as(&look).unwrap();
         }
     }
@@ -372,24 +346,13 @@ mod tests {
                 points: vec![(1.0, 0.0), (100.0, 0.0)],
             }],
         };
-        let plot = plot(vec![
-            (0.1, 0.0),
-            (1.0, 0.5),
-            (2.0, 5.0),
-            (3.0, 0.5),
-            (9.0, 0.0),
-        ]);
+        let plot = plot(vec![(0.1, 0.0), (1.0, 0.5), (2.0, 5.0), (3.0, 0.5), (9.0, 0.0)]);
         let svg = plot.svg_as(&look).unwrap();
         assert!(svg.contains("poles") && svg.contains("height=\"400\""));
         let alone = plot.svg_as(&Look::default()).unwrap();
         let lines = |svg: &str| svg.matches("stroke-width=\"2\" points").count();
         // The line in two pieces, against one.
-        assert!(
-            lines(&svg) > lines(&alone),
-            "{} {}",
-            lines(&svg),
-            lines(&alone)
-        );
+        assert!(lines(&svg) > lines(&alone), "{} {}", lines(&svg), lines(&alone));
     }
 
     #[test]

@@ -48,16 +48,9 @@ impl Table {
         }
         if self.right_aligned {
             let is_number = |cell: &String| cell.parse::<f64>().is_ok();
-            let has_numbers = |at| {
-                self.rows
-                    .iter()
-                    .any(|row| row.get(at).is_some_and(is_number))
-            };
-            for (_, column) in table
-                .column_iter_mut()
-                .enumerate()
-                .skip(1)
-                .filter(|c| has_numbers(c.0))
+            let has_numbers = |at| self.rows.iter().any(|row| row.get(at).is_some_and(is_number));
+            for (_, column) in
+                table.column_iter_mut().enumerate().skip(1).filter(|c| has_numbers(c.0))
             {
                 column.set_cell_alignment(CellAlignment::Right);
             }
@@ -108,10 +101,7 @@ mod tests {
     #[test]
     fn heads_break_between_words() {
         assert_eq!(wrapped("settling, s"), "settling, s");
-        assert_eq!(
-            wrapped("latency, us (at most 8000)"),
-            "latency, us\n(at most 8000)"
-        );
+        assert_eq!(wrapped("latency, us (at most 8000)"), "latency, us\n(at most 8000)");
         assert_eq!(wrapped("incomprehensible"), "incomprehensible");
     }
 }

@@ -66,11 +66,8 @@ const ARDUINO: Figures = Figures {
     from_reset: Ticks::from_us(501_800),
     ram: [0..0x800, 0x7A00..WORD_AT],
 };
-const EVEN: Figures = Figures {
-    from_power_on: Ticks::ZERO,
-    from_reset: Ticks::from_ms(500),
-    ..ARDUINO
-};
+const EVEN: Figures =
+    Figures { from_power_on: Ticks::ZERO, from_reset: Ticks::from_ms(500), ..ARDUINO };
 const UF2: Figures = Figures {
     word: 0xF016_69EF,
     quick_word: Some(0xF026_69EF),

@@ -137,9 +137,7 @@ impl GroundStation {
     /// Silence, or the rig stopped.
     pub fn connect(&mut self, rig: &mut Rig) -> Answer {
         let before = self.received.heartbeats.len();
-        self.wait(rig, BOOT_PATIENCE, "heartbeat", |received| {
-            received.heartbeats.len() > before
-        })
+        self.wait(rig, BOOT_PATIENCE, "heartbeat", |received| received.heartbeats.len() > before)
     }
 
     /// Waits until the flight is in `state`.
@@ -149,9 +147,7 @@ impl GroundStation {
     pub fn wait_for_state(&mut self, rig: &mut Rig, patience: Ticks, state: StateKind) -> Answer {
         self.wait(rig, patience, &format!("state {state:?}"), |received| {
             let mut heartbeats = received.heartbeats.iter();
-            heartbeats
-                .next_back()
-                .is_some_and(|beat| beat.state == Some(state))
+            heartbeats.next_back().is_some_and(|beat| beat.state == Some(state))
         })
     }
 
@@ -251,8 +247,7 @@ impl GroundStation {
 
     /// The image's last text, to be appended to an error.
     fn last_text_note(&self) -> String {
-        self.last_text()
-            .map_or(String::new(), |text| format!(" (it said last: {text})"))
+        self.last_text().map_or(String::new(), |text| format!(" (it said last: {text})"))
     }
 }
 

@@ -129,9 +129,7 @@ impl Received {
                 at,
                 state: state_of(m.custom_mode),
                 reason: (m.custom_mode >> 8) as u8,
-                armed: m
-                    .base_mode
-                    .contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED),
+                armed: m.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED),
             }),
             MavMessage::ATTITUDE_QUATERNION(m) => self.attitudes.push(Attitude {
                 at,
@@ -139,11 +137,9 @@ impl Received {
                 quaternion: [m.q1, m.q2, m.q3, m.q4],
                 rate_rad_s: [m.rollspeed, m.pitchspeed, m.yawspeed],
             }),
-            MavMessage::SERVO_OUTPUT_RAW(m) => self.servos.push(ServoOutput {
-                at,
-                time_us: m.time_usec,
-                pulse_us: m.servo1_raw,
-            }),
+            MavMessage::SERVO_OUTPUT_RAW(m) => {
+                self.servos.push(ServoOutput { at, time_us: m.time_usec, pulse_us: m.servo1_raw })
+            }
             MavMessage::RAW_IMU(m) => self.samples.push(RawImu {
                 at,
                 time_us: m.time_usec,
@@ -151,20 +147,15 @@ impl Received {
                 gyr: [m.xgyro, m.ygyro, m.zgyro],
                 mag: [m.xmag, m.ymag, m.zmag],
             }),
-            MavMessage::DEBUG_VECT(m) if text(&m.name) == "imu_bus" => self.bus.push(BusReport {
-                at,
-                mean_us: m.x,
-                max_us: m.y,
-                fresh_hz: m.z,
-            }),
+            MavMessage::DEBUG_VECT(m) if text(&m.name) == "imu_bus" => {
+                self.bus.push(BusReport { at, mean_us: m.x, max_us: m.y, fresh_hz: m.z })
+            }
             MavMessage::NAMED_VALUE_FLOAT(m) if text(&m.name) == "tilt_sd" => {
                 self.tilt_sd_deg.push((at, m.value));
             }
-            MavMessage::STATUSTEXT(m) => self.texts.push(Text {
-                at,
-                severity: m.severity,
-                text: text(&m.text).to_owned(),
-            }),
+            MavMessage::STATUSTEXT(m) => {
+                self.texts.push(Text { at, severity: m.severity, text: text(&m.text).to_owned() })
+            }
             MavMessage::SYS_STATUS(m) => self.status.push((at, m)),
             MavMessage::PARAM_VALUE(m) => {
                 let name = text(&m.param_id).to_owned();

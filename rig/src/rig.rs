@@ -24,15 +24,8 @@ use tvc_nano::{Params, store};
 pub use ending::ProgramEnd;
 
 /// The keys of [`Hardware`] that can change while the rig runs.
-pub const LIVE_KEYS: [&str; 7] = [
-    "stretch",
-    "stretch-rare",
-    "stop-read",
-    "stop-write",
-    "field",
-    "field-age",
-    "usb-loss",
-];
+pub const LIVE_KEYS: [&str; 7] =
+    ["stretch", "stretch-rare", "stop-read", "stop-write", "field", "field-age", "usb-loss"];
 
 /// The configuration of a rig.
 #[derive(Clone, Debug)]
@@ -50,12 +43,7 @@ pub struct RigConfig {
 
 impl Default for RigConfig {
     fn default() -> Self {
-        Self {
-            seed: 1,
-            bench: BenchConfig::default(),
-            hardware: Hardware::default(),
-            stored: None,
-        }
+        Self { seed: 1, bench: BenchConfig::default(), hardware: Hardware::default(), stored: None }
     }
 }
 
@@ -145,10 +133,7 @@ impl Rig {
             running: Running::Image,
             resets: Vec::new(),
             halts: 0,
-            usb_loss: (
-                config.hardware.usb_loss,
-                generator(config.seed, Stream::Port),
-            ),
+            usb_loss: (config.hardware.usb_loss, generator(config.seed, Stream::Port)),
         };
         rig.enter_bootloader(ResetCause::PowerOn);
         Ok(rig)
@@ -333,11 +318,7 @@ impl Rig {
     /// Bytes that came from the image over USB since the last call.
     pub fn usb_read(&mut self) -> Vec<u8> {
         let bytes = self.usb_host_mut().read();
-        if bytes.is_empty() || !self.loses() {
-            bytes
-        } else {
-            Vec::new()
-        }
+        if bytes.is_empty() || !self.loses() { bytes } else { Vec::new() }
     }
 
     /// Changes what the parts are like while they run, as `KEY=VALUE` says.
@@ -471,11 +452,7 @@ pub(crate) mod tests {
         assert!(!rig.in_bootloader());
         assert_eq!(word(&rig, 0x7FFC), 0);
         assert_eq!(word(&rig, 0x7800), kept.wrapping_add(1));
-        assert_ne!(
-            word(&rig, 0),
-            low.wrapping_add(1),
-            "low RAM is the bootloader's"
-        );
+        assert_ne!(word(&rig, 0), low.wrapping_add(1), "low RAM is the bootloader's");
         assert_eq!(rig.resets()[0].1, ResetCause::External);
     }
 
@@ -496,9 +473,7 @@ pub(crate) mod tests {
     #[test]
     fn the_hardware_reaches_sensor_chip_and_host() {
         let config = RigConfig {
-            hardware: "address=0x29,host=linux,slow-clock=1.25,user-row=erased"
-                .parse()
-                .unwrap(),
+            hardware: "address=0x29,host=linux,slow-clock=1.25,user-row=erased".parse().unwrap(),
             ..RigConfig::default()
         };
         let mut rig = Rig::new(&counter(), &config).unwrap();

@@ -74,11 +74,8 @@ fn comes_upright(bench: &BenchConfig, start_rad: f64) {
     let begin = host.now;
     host.run(3000, |_, _| {});
     let truth = host.environment.truth.motion_since(begin);
-    let response = StepResponse::new(
-        truth.iter().map(|m| (m.time.as_secs_f64(), m.pitch_rad)),
-        0.0,
-    )
-    .unwrap();
+    let response =
+        StepResponse::new(truth.iter().map(|m| (m.time.as_secs_f64(), m.pitch_rad)), 0.0).unwrap();
     let settling = response.settling_s(0.05).unwrap();
     let overshoot = response.overshoot_pct();
     println!("{start_rad}: settling {settling:.3} s, overshoot {overshoot:.1} %");
@@ -92,15 +89,9 @@ fn unkind() -> BenchConfig {
     bench.lever_m = [0.03, 0.0, -0.08];
     bench.sensor.address = 0x29;
     bench.sensor.late_registers = Ticks::from_ms(20);
-    bench.sensor.refresh = Some(RefreshRates {
-        acc_hz: 62.5,
-        gyr_hz: 62.5,
-        mag_hz: 20.0,
-    });
-    bench.sensor.magnetometer = Magnetometer {
-        age: Ticks::from_ms(30),
-        health: MagnetometerHealth::Stuck,
-    };
+    bench.sensor.refresh = Some(RefreshRates { acc_hz: 62.5, gyr_hz: 62.5, mag_hz: 20.0 });
+    bench.sensor.magnetometer =
+        Magnetometer { age: Ticks::from_ms(30), health: MagnetometerHealth::Stuck };
     bench
 }
 
@@ -147,14 +138,8 @@ fn leads_to_neutral_and_back(bench: &BenchConfig, fault: Fault) {
         }
     });
     let delay = neutral.map(|time| time.saturating_sub(at).as_us() / 1000);
-    println!(
-        "{fault:?}: failsafe after {delay:?} ms, {:?}",
-        host.flight.state()
-    );
-    assert!(
-        matches!(host.flight.state(), State::Failsafe(_)),
-        "{fault:?}"
-    );
+    println!("{fault:?}: failsafe after {delay:?} ms, {:?}", host.flight.state());
+    assert!(matches!(host.flight.state(), State::Failsafe(_)), "{fault:?}");
     // A gyroscope that reads zero differs from one at rest only by its missing noise.
     let allowed = if fault == Fault::GyroDead { 500 } else { 150 };
     assert!(delay.unwrap() <= allowed, "{fault:?}: {delay:?} ms");
@@ -169,22 +154,12 @@ fn leads_to_neutral_and_back(bench: &BenchConfig, fault: Fault) {
 
 #[test]
 fn spikes_and_corrupt_words_are_ridden_out() {
-    for fault in [
-        Fault::CorruptWords { probability: 0.01 },
-        Fault::Spikes { probability: 0.005 },
-    ] {
+    for fault in [Fault::CorruptWords { probability: 0.01 }, Fault::Spikes { probability: 0.005 }] {
         let mut host = released(&bench(1), 0.3);
         host.environment.inject(host.now, fault);
         host.run(3000, |_, _| {});
-        assert!(
-            host.flight.state().is_active(),
-            "{fault:?}: {}",
-            host.flight.state()
-        );
-        assert!(
-            host.environment.vehicle().pitch_rad().abs() < 0.05,
-            "{fault:?}"
-        );
+        assert!(host.flight.state().is_active(), "{fault:?}: {}", host.flight.state());
+        assert!(host.environment.vehicle().pitch_rad().abs() < 0.05, "{fault:?}");
         assert!(!host.faults.is_empty(), "{fault:?}");
     }
 }

@@ -24,13 +24,8 @@ const GYR: [GyrBandwidth; 8] = [
     GyrBandwidth::Hz23,
     GyrBandwidth::Hz12,
 ];
-const GYR_RANGES: [GyrRange; 5] = [
-    GyrRange::Dps2000,
-    GyrRange::Dps1000,
-    GyrRange::Dps500,
-    GyrRange::Dps250,
-    GyrRange::Dps125,
-];
+const GYR_RANGES: [GyrRange; 5] =
+    [GyrRange::Dps2000, GyrRange::Dps1000, GyrRange::Dps500, GyrRange::Dps250, GyrRange::Dps125];
 const ACC: [AccBandwidth; 8] = [
     AccBandwidth::Hz7_81,
     AccBandwidth::Hz15_63,
@@ -106,20 +101,13 @@ impl Bench {
         let fastest = dice.random::<bool>().then(|| {
             let range_rad_s = f64::from(sensors.gyr_range.dps()).to_radians();
             // What a hand does, and beyond the accelerometer's range.
-            [
-                15.7_f64.min(range_rad_s),
-                1.2 * 9.8 * f64::from(sensors.acc_range.g()),
-            ]
+            [15.7_f64.min(range_rad_s), 1.2 * 9.8 * f64::from(sensors.acc_range.g())]
         });
         let tick = Ticks::from_us(dice.random_range(6_500..=10_000));
         let alone = dice.random_bool(0.3).then_some(3);
         let words = format!(
             "case {case}: {sensors:?}, noise {noise:.2}, {refresh:?}, {}, every {} us",
-            if fastest.is_some() {
-                "in motion"
-            } else {
-                "at rest"
-            },
+            if fastest.is_some() { "in motion" } else { "at rest" },
             tick.as_us(),
         );
         Self {
@@ -226,9 +214,7 @@ impl Bench {
                     self.driver.complete(Micros(self.now.as_us()), outcome);
                 }
                 Next::Wait(until) => {
-                    let us = until
-                        .0
-                        .clamp(self.now.as_us() + 1, self.now.as_us() + 10_000);
+                    let us = until.0.clamp(self.now.as_us() + 1, self.now.as_us() + 10_000);
                     self.pass(Ticks::from_us(us), dice);
                 }
                 Next::Sample => {

@@ -36,10 +36,7 @@ const IMAGE: [u16; 27] = [
 fn main() {
     let image: Vec<u8> = IMAGE.iter().flat_map(|half| half.to_le_bytes()).collect();
     for wait_states in [0, 1] {
-        let mut chip = Chip::new(Options {
-            wait_states: Some(wait_states),
-            ..Options::default()
-        });
+        let mut chip = Chip::new(Options { wait_states: Some(wait_states), ..Options::default() });
         chip.load_flash(0, &image);
         chip.boot(0);
         let start = Instant::now();

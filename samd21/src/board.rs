@@ -179,20 +179,13 @@ pub struct I2cReply {
 
 impl I2cReply {
     /// Nobody answers: released lines read as ones.
-    pub const NAK: Self = Self {
-        ack: false,
-        ..Self::ACK
-    };
+    pub const NAK: Self = Self { ack: false, ..Self::ACK };
     /// Acknowledged without stretching.
     pub const ACK: Self = Self::data(0xFF);
 
     /// The byte of a `Read`, without stretching.
     pub const fn data(data: u8) -> Self {
-        Self {
-            ack: true,
-            data,
-            stretch: Ticks::ZERO,
-        }
+        Self { ack: true, data, stretch: Ticks::ZERO }
     }
 
     /// The same answer with SCL held low for `stretch` more.

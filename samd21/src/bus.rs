@@ -67,9 +67,7 @@ impl Bus<'_> {
     ) -> Result<Ticks, BusError> {
         self.advance(now);
         self.settle(now);
-        let stall = self
-            .peripherals
-            .write(now, addr, width, value, self.memory, self.board)?;
+        let stall = self.peripherals.write(now, addr, width, value, self.memory, self.board)?;
         self.usb_host.observe(now, &self.peripherals.usb);
         Ok(stall)
     }

@@ -92,10 +92,8 @@ impl Chip {
     /// erased or written is left half done. The core waits to be booted.
     pub fn reset(&mut self, cause: ResetCause) {
         self.core.reset();
-        self.peripherals
-            .reset(self.core.now(), cause, &mut self.memory);
-        self.usb_host
-            .observe(self.core.now(), &self.peripherals.usb);
+        self.peripherals.reset(self.core.now(), cause, &mut self.memory);
+        self.usb_host.observe(self.core.now(), &self.peripherals.usb);
     }
 
     /// Counts cycles by address from now on. The chip does the same as without, more slowly.
@@ -105,10 +103,7 @@ impl Chip {
 
     /// Ends the profile and gives it; an empty one if none was begun.
     pub fn end_profile(&mut self) -> Profile {
-        self.core
-            .profile
-            .take()
-            .map_or_else(Profile::default, |profile| *profile)
+        self.core.profile.take().map_or_else(Profile::default, |profile| *profile)
     }
 
     /// Time since power-on.
@@ -232,10 +227,7 @@ mod tests {
 
     #[test]
     fn a_slow_clock_makes_fewer_cycles_in_the_same_time() {
-        let options = Options {
-            dfll_error_ppm: -31_000,
-            ..Options::default()
-        };
+        let options = Options { dfll_error_ppm: -31_000, ..Options::default() };
         let mut bench = Bench::with(&options, Unconnected);
         bench.start_clocks();
         let mut chip = Chip::new(options);
@@ -257,14 +249,12 @@ mod tests {
         let mut chip = Chip::new(Options::default());
         // Stack pointer and entry point; LDR R0, ADDR; LDR R1, row; STR R1, [R0]; LDR R0, CTRLA;
         // LDR R1, command; STRH R1, [R0]; B to itself; and the words.
-        let code: [u16; 12] = [
-            0x8000, 0x2000, 9, 0, 0x4803, 0x4904, 0x6001, 0x4804, 0x4904, 0x8001, 0xE7FE, 0,
-        ];
+        let code: [u16; 12] =
+            [0x8000, 0x2000, 9, 0, 0x4803, 0x4904, 0x6001, 0x4804, 0x4904, 0x8001, 0xE7FE, 0];
         let words = [0x4100_401C_u32, 0x3F00 / 2, 0x4100_4000, 0xA502];
         let halves = code.iter().flat_map(|half| half.to_le_bytes());
-        let image: Vec<u8> = halves
-            .chain(words.iter().flat_map(|word| word.to_le_bytes()))
-            .collect();
+        let image: Vec<u8> =
+            halves.chain(words.iter().flat_map(|word| word.to_le_bytes())).collect();
         chip.load_flash(0, &image);
         chip.load_flash(0x3F00, &[0; 256]);
         chip.boot(0);

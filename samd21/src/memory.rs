@@ -18,11 +18,7 @@ pub const RAM_BASE: u32 = 0x2000_0000;
 pub const RAM_SIZE: u32 = 0x8000;
 
 /// What instructions are executed from and on.
-type Parts<'a> = (
-    &'a Code,
-    &'a [u8; FLASH_SIZE as usize],
-    &'a mut [u8; RAM_SIZE as usize],
-);
+type Parts<'a> = (&'a Code, &'a [u8; FLASH_SIZE as usize], &'a mut [u8; RAM_SIZE as usize]);
 
 /// Flash and SRAM.
 #[derive(Clone)]
@@ -110,8 +106,7 @@ impl Memory {
 
     /// The little-endian half-word at `address` of flash or SRAM; need not be aligned.
     pub fn read_u16(&self, address: u32) -> Option<u16> {
-        self.bytes(address, 2)
-            .map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]]))
+        self.bytes(address, 2).map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]]))
     }
 
     /// The little-endian word at `address` of flash or SRAM; need not be aligned.
@@ -123,8 +118,7 @@ impl Memory {
     /// Writes a little-endian word to SRAM; `None`, and nothing is written, outside of it.
     #[must_use]
     pub fn write_u32(&mut self, address: u32, value: u32) -> Option<()> {
-        self.ram_bytes_mut(address, 4)?
-            .copy_from_slice(&value.to_le_bytes());
+        self.ram_bytes_mut(address, 4)?.copy_from_slice(&value.to_le_bytes());
         Some(())
     }
 
@@ -179,9 +173,8 @@ impl Memory {
 
 /// Numbers that only `seed` decides: SplitMix64 (Steele, Lea, Flood 2014), full-period for any.
 fn noise(seed: u64) -> impl Iterator<Item = u64> {
-    let states = std::iter::successors(Some(seed), |state| {
-        Some(state.wrapping_add(0x9E37_79B9_7F4A_7C15))
-    });
+    let states =
+        std::iter::successors(Some(seed), |state| Some(state.wrapping_add(0x9E37_79B9_7F4A_7C15)));
     states.skip(1).map(|state| {
         let z = (state ^ (state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -239,10 +232,7 @@ mod tests {
         assert_eq!(memory.program(0x2000, &[0; 256]), Some(()));
         let undone = |share| {
             let mut memory = memory.clone();
-            assert_eq!(
-                memory.undo_in_part(0x2000, &[0xF0; 256], share, 1),
-                Some(())
-            );
+            assert_eq!(memory.undo_in_part(0x2000, &[0xF0; 256], share, 1), Some(()));
             let cells = memory.bytes(0x2000, 256).unwrap().to_vec();
             assert!(cells.iter().all(|cell| cell & 0x0F == 0), "never changed");
             cells.iter().map(|cell| cell.count_ones()).sum::<u32>()

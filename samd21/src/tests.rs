@@ -25,10 +25,7 @@ pub(crate) struct Bench<B: Board = Unconnected> {
 
 impl<B: Board> Bench<B> {
     pub(crate) fn new(hold: SyncHold, board: B) -> Self {
-        let options = Options {
-            syncbusy_hold: hold,
-            ..Options::default()
-        };
+        let options = Options { syncbusy_hold: hold, ..Options::default() };
         Self::with(&options, board)
     }
 

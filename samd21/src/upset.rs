@@ -51,15 +51,13 @@ impl Chip {
     /// again.
     pub fn stop_dfll(&mut self, stopped: bool) {
         let now = self.now();
-        self.peripherals
-            .disturb(now, |sysctrl| sysctrl.stop_dfll(stopped));
+        self.peripherals.disturb(now, |sysctrl| sysctrl.stop_dfll(stopped));
     }
 
     /// Moves the DFLL's frequency by a relative error, ppm, beside what it has already.
     pub fn shift_dfll(&mut self, ppm: f64) {
         let now = self.now();
-        self.peripherals
-            .disturb(now, |sysctrl| sysctrl.shift_dfll(ppm));
+        self.peripherals.disturb(now, |sysctrl| sysctrl.shift_dfll(ppm));
     }
 
     /// Lets OSCULP32K run at another rate, Hz. What its clocks have counted stays counted.
@@ -130,10 +128,7 @@ mod tests {
         let (mut chip, _) = counting();
         let read =
             |chip: &mut Chip, address| chip.peek(address, &mut Unconnected).expect("it is clocked");
-        assert!(
-            !chip.flip_register(TCC0 + 0x40, 3, &mut Unconnected),
-            "not clocked"
-        );
+        assert!(!chip.flip_register(TCC0 + 0x40, 3, &mut Unconnected), "not clocked");
         // PB08 and PB09, one byte of PMUX and each a byte of PINCFG.
         let sensor = [(0x4100_44B4, 2), (0x4100_44C8, 0), (0x4100_44C8, 8)];
         let others = [(WDT, 1), (0x4100_4400, 17), (0x4000_0420, 4)];

@@ -79,10 +79,7 @@ fn the_iobus_answers_in_one_cycle() {
 }
 
 fn with_wait_states(wait_states: u8, program: &[u16]) -> samd21::Chip {
-    let options = Options {
-        wait_states: Some(wait_states),
-        ..Options::default()
-    };
+    let options = Options { wait_states: Some(wait_states), ..Options::default() };
     chip_with(options, program, &[])
 }
 
@@ -111,16 +108,7 @@ fn a_loop_that_fits_into_64_bytes_waits_only_at_first() {
     assert_eq!(chip.counters().flash_wait_cycles, 1 + 8);
 
     // A literal in a line of the same index throws the code out: two misses each time round.
-    let mut program = code![
-        movs(0, 100),
-        NOP,
-        NOP,
-        NOP,
-        0x490Fu16,
-        subs(0, 1),
-        0xD1FCu16,
-        BKPT
-    ];
+    let mut program = code![movs(0, 100), NOP, NOP, NOP, 0x490Fu16, subs(0, 1), 0xD1FCu16, BKPT];
     program.resize(64, NOP);
     let mut chip = with_wait_states(1, &program);
     run_to_breakpoint(&mut chip);
@@ -131,10 +119,8 @@ fn a_loop_that_fits_into_64_bytes_waits_only_at_first() {
 #[test]
 fn code_in_sram_waits_for_nothing() {
     let mut chip = with_wait_states(1, &code![bx(0)]);
-    let code: Vec<u8> = [NOP, NOP, NOP, NOP, NOP, BKPT]
-        .iter()
-        .flat_map(|half| half.to_le_bytes())
-        .collect();
+    let code: Vec<u8> =
+        [NOP, NOP, NOP, NOP, NOP, BKPT].iter().flat_map(|half| half.to_le_bytes()).collect();
     chip.ram_mut()[0x800..0x800 + code.len()].copy_from_slice(&code);
     set(&mut chip, 0, 0x2000_0801);
     run_to_breakpoint(&mut chip);

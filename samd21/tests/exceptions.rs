@@ -26,10 +26,7 @@ fn entry_stacks_eight_words_and_takes_15_cycles() {
     assert_eq!(words[6], PROGRAM + 2, "behind the SVC");
     assert_eq!(words[7], 0xA100_0000);
     let inside = chip.registers();
-    assert_eq!(
-        (inside.pc(), inside.r[13], inside.r[14]),
-        (0x400, frame, RETURN_TO_THREAD)
-    );
+    assert_eq!((inside.pc(), inside.r[13], inside.r[14]), (0x400, frame, RETURN_TO_THREAD));
     assert_eq!(inside.xpsr & 0x3F, u32::from(SVCALL));
 
     assert_eq!(step(&mut chip), 13);
@@ -48,11 +45,7 @@ fn the_frame_is_aligned_to_eight_bytes_and_the_return_undoes_it() {
     chip.set_registers(&registers);
     step(&mut chip);
     assert_eq!(chip.registers().msp, STACK_TOP - 40);
-    assert_eq!(
-        word(&chip, STACK_TOP - 12) & 1 << 9,
-        1 << 9,
-        "stacked xPSR bit 9"
-    );
+    assert_eq!(word(&chip, STACK_TOP - 12) & 1 << 9, 1 << 9, "stacked xPSR bit 9");
     step(&mut chip);
     assert_eq!(chip.registers().msp, STACK_TOP - 4);
     assert_eq!(chip.lowest_sp(), STACK_TOP - 40);
@@ -97,10 +90,7 @@ fn a_higher_priority_interrupts_a_handler_and_a_lower_one_waits() {
             (irq(0), code![log(0), BX_LR]),
             // Pends both its neighbours: 2 nests at once, 0 follows.
             (irq(1), code![log(1), pend(0b101), log(11), BX_LR]),
-            (
-                irq(2),
-                code![log(2), mov(0, 14), 0x43C0u16, strb(0, 7), adds(7, 1), BX_LR],
-            ),
+            (irq(2), code![log(2), mov(0, 14), 0x43C0u16, strb(0, 7), adds(7, 1), BX_LR]),
         ],
     );
     set(&mut chip, 2, 0xE000_E400);
@@ -112,15 +102,7 @@ fn a_higher_priority_interrupts_a_handler_and_a_lower_one_waits() {
 
 #[test]
 fn of_equal_priorities_the_lowest_number_goes_first_and_nothing_nests() {
-    let program = code![
-        movs(0, 7),
-        str(0, 5, 0),
-        CPSID,
-        pend(0b110),
-        CPSIE,
-        log(9),
-        BKPT
-    ];
+    let program = code![movs(0, 7), str(0, 5, 0), CPSID, pend(0b110), CPSIE, log(9), BKPT];
     let mut chip = chip(
         &program,
         &[
@@ -182,25 +164,12 @@ fn what_arrives_during_the_stacking_with_a_higher_priority_goes_first() {
     run_to_breakpoint(&mut chip);
     assert_eq!(logged(&chip), [15, 14]);
     assert_eq!(chip.registers().msp, STACK_TOP - 32, "one frame");
-    assert_eq!(
-        word(&chip, STACK_TOP - 8),
-        PROGRAM + 20,
-        "HERE was never reached before"
-    );
+    assert_eq!(word(&chip, STACK_TOP - 8), PROGRAM + 20, "HERE was never reached before");
 }
 
 #[test]
 fn primask_holds_back_everything_but_hardfault() {
-    let program = code![
-        movs(0, 1),
-        str(0, 5, 0),
-        CPSID,
-        pend(1),
-        log(1),
-        CPSIE,
-        log(2),
-        BKPT
-    ];
+    let program = code![movs(0, 1), str(0, 5, 0), CPSID, pend(1), log(1), CPSIE, log(2), BKPT];
     let mut chip = chip(&program, &[(irq(0), code![log(16), BX_LR])]);
     run_to_breakpoint(&mut chip);
     assert_eq!(logged(&chip), [1, 16, 2]);
@@ -257,13 +226,7 @@ fn icsr_tells_what_is_active_and_what_waits() {
         str(1, 4, ICSR),
         BKPT
     ];
-    let handler = code![
-        movs(1, 1),
-        lsls(1, 1, 28),
-        str(1, 4, ICSR),
-        ldr(2, 4, ICSR),
-        BKPT
-    ];
+    let handler = code![movs(1, 1), lsls(1, 1, 28), str(1, 4, ICSR), ldr(2, 4, ICSR), BKPT];
     let mut chip = chip(&program, &[(SYSTICK, handler)]);
     run_to_breakpoint(&mut chip);
     // PENDSVSET, VECTPENDING 14, VECTACTIVE 15.
@@ -284,14 +247,7 @@ fn vectors_come_from_vtor() {
 #[test]
 fn thread_mode_on_psp_is_interrupted_onto_psp_and_handlers_use_msp() {
     // MSR PSP, R0; MSR CONTROL, R1; ISB; PUSH {R4}; SVC
-    let program = code![
-        msr(9, 0),
-        msr(20, 1),
-        [0xF3BFu16, 0x8F6F],
-        0xB410u16,
-        SVC,
-        BKPT
-    ];
+    let program = code![msr(9, 0), msr(20, 1), [0xF3BFu16, 0x8F6F], 0xB410u16, SVC, BKPT];
     let mut chip = chip(&program, &[(SVCALL, code![mrs(2, 20), mov(8, 14), BX_LR])]);
     set(&mut chip, 0, 0x2000_1000);
     set(&mut chip, 1, 2);
@@ -307,10 +263,7 @@ fn thread_mode_on_psp_is_interrupted_onto_psp_and_handlers_use_msp() {
     run_to_breakpoint(&mut chip);
     let after = chip.registers();
     assert_eq!(after.r[8], 0xFFFF_FFFD);
-    assert_eq!(
-        (after.psp, after.r[13], after.msp),
-        (0x2000_0FFC, 0x2000_0FFC, STACK_TOP)
-    );
+    assert_eq!((after.psp, after.r[13], after.msp), (0x2000_0FFC, 0x2000_0FFC, STACK_TOP));
     assert!(after.spsel);
     assert_eq!(chip.lowest_sp(), STACK_TOP, "PSP does not count");
 }
@@ -334,11 +287,7 @@ fn a_handler_can_switch_to_another_threads_frame() {
     assert_eq!((after.pc(), after.r[0], after.psp), (0x600, 7, 0x2000_0820));
     assert_eq!(after.xpsr & 0xF000_003F, 0x4000_0000);
     assert!(after.spsel);
-    assert_eq!(
-        after.msp,
-        STACK_TOP - 32,
-        "the first thread's frame is still there"
-    );
+    assert_eq!(after.msp, STACK_TOP - 32, "the first thread's frame is still there");
 }
 
 #[test]
@@ -375,10 +324,7 @@ fn an_interrupt_nests_in_svcall_of_low_priority() {
     ];
     let mut chip = chip(
         &program,
-        &[
-            (SVCALL, code![log(11), pend(1), log(12), BX_LR]),
-            (irq(0), code![log(16), BX_LR]),
-        ],
+        &[(SVCALL, code![log(11), pend(1), log(12), BX_LR]), (irq(0), code![log(16), BX_LR])],
     );
     run_to_breakpoint(&mut chip);
     assert_eq!(logged(&chip), [11, 16, 12, 9]);

@@ -41,11 +41,7 @@ fn accesses_that_are_not_aligned() {
             _ => unreachable!(),
         };
         assert_eq!(kind, expected);
-        assert_eq!(
-            word(&chip, STACK_TOP - 32),
-            address,
-            "the base keeps its value"
-        );
+        assert_eq!(word(&chip, STACK_TOP - 32), address, "the base keeps its value");
     }
     // A byte may be anywhere; two halves of a word make it unaligned.
     let (_, kind) = fault_at(2, &code![0x7801u16, ldr(1, 0, 0)], 0x2000_0202);
@@ -85,20 +81,14 @@ fn accesses_that_a_peripheral_answers_with_an_exception() {
 fn a_block_transfer_that_runs_out_of_memory_keeps_its_base() {
     // LDM R0!, {R1, R2} over the end of SRAM.
     let (chip, kind) = fault_at(0, &[0xC806], 0x2000_7FFC);
-    assert_eq!(
-        kind,
-        FaultKind::UnmappedLoad {
-            address: 0x2000_8000
-        }
-    );
+    assert_eq!(kind, FaultKind::UnmappedLoad { address: 0x2000_8000 });
     assert_eq!(word(&chip, STACK_TOP - 32), 0x2000_7FFC);
 }
 
 #[test]
 fn undefined_instructions() {
-    let half_words = [
-        UDF, 0xB100, 0xB700, 0xBA80, 0xB660, 0xB671, 0xBF01, 0xB400, 0xBC00, 0xC000, 0xC800,
-    ];
+    let half_words =
+        [UDF, 0xB100, 0xB700, 0xBA80, 0xB660, 0xB671, 0xBF01, 0xB400, 0xBC00, 0xC000, 0xC800];
     for instruction in half_words {
         let (_, kind) = fault_at(0, &[instruction], 0);
         let encoding = u32::from(instruction);
@@ -106,12 +96,8 @@ fn undefined_instructions() {
     }
     // UDF.W; MRS to SP; MSR to BASEPRI, which ARMv6-M has not; the first half of a 32-bit
     // instruction of ARMv7-M.
-    for (first, second) in [
-        (0xF7F0, 0xA000),
-        (0xF3EF, 0x8D08),
-        (0xF380, 0x8811),
-        (0xE92D, 0x4FF0),
-    ] {
+    for (first, second) in [(0xF7F0, 0xA000), (0xF3EF, 0x8D08), (0xF380, 0x8811), (0xE92D, 0x4FF0)]
+    {
         let (_, kind) = fault_at(0, &[first, second], 0);
         let encoding = u32::from(first) << 16 | u32::from(second);
         assert_eq!(kind, FaultKind::Undefined { encoding });
@@ -122,19 +108,9 @@ fn undefined_instructions() {
 fn branches_to_where_no_instruction_is() {
     for (target, reason) in [
         (0x600, FaultKind::NotThumb),
-        (
-            0x4000_0001,
-            FaultKind::UnmappedFetch {
-                address: 0x4000_0000,
-            },
-        ),
+        (0x4000_0001, FaultKind::UnmappedFetch { address: 0x4000_0000 }),
         // In Thread mode this is no exception return.
-        (
-            0xFFFF_FFF9,
-            FaultKind::UnmappedFetch {
-                address: 0xFFFF_FFF8,
-            },
-        ),
+        (0xFFFF_FFF9, FaultKind::UnmappedFetch { address: 0xFFFF_FFF8 }),
     ] {
         let mut chip = chip(&code![bx(0)], &[(HARD_FAULT, code![BKPT])]);
         set(&mut chip, 0, target);
@@ -152,10 +128,7 @@ fn svc_is_escalated_where_its_priority_does_not_suffice() {
     assert_eq!(kind, FaultKind::SupervisorCall);
 
     // In SVCall itself.
-    let mut chip = chip(
-        &code![SVC],
-        &[(SVCALL, code![SVC]), (HARD_FAULT, code![log(3), BKPT])],
-    );
+    let mut chip = chip(&code![SVC], &[(SVCALL, code![SVC]), (HARD_FAULT, code![log(3), BKPT])]);
     run_to_breakpoint(&mut chip);
     assert_eq!(logged(&chip), [3]);
     assert_eq!(chip.registers().r[14], 0xFFFF_FFF1);
@@ -195,21 +168,13 @@ fn a_hardfault_that_cannot_be_stacked_locks_the_core_up() {
     chip.set_registers(&registers);
     assert_eq!(run(&mut chip), Stop::Lockup);
     let address = 0x1FFF_FFF0;
-    assert_eq!(
-        chip.lockup().expect("locked up").kind,
-        FaultKind::UnmappedStore { address }
-    );
+    assert_eq!(chip.lockup().expect("locked up").kind, FaultKind::UnmappedStore { address });
 }
 
 #[test]
 fn an_interrupt_that_cannot_be_stacked_becomes_hardfault() {
-    let mut chip = chip(
-        &code![SVC],
-        &[
-            (SVCALL, code![log(11), BKPT]),
-            (HARD_FAULT, code![log(3), BKPT]),
-        ],
-    );
+    let mut chip =
+        chip(&code![SVC], &[(SVCALL, code![log(11), BKPT]), (HARD_FAULT, code![log(3), BKPT])]);
     let mut registers = chip.registers();
     registers.msp = 0x2000_0000;
     chip.set_registers(&registers);
@@ -250,21 +215,9 @@ fn what_no_model_covers_stops_the_chip_before_the_instruction() {
 #[test]
 fn faults_print_on_one_line() {
     let lines = [
-        (
-            ldr(1, 0, 0),
-            0x2000_0201,
-            "word load from 0x20000201 is not aligned",
-        ),
-        (
-            0x8001,
-            0x2000_0203,
-            "half-word store to 0x20000203 is not aligned",
-        ),
-        (
-            ldr(1, 0, 0),
-            0x9000_0000,
-            "load from 0x90000000, where nothing answers",
-        ),
+        (ldr(1, 0, 0), 0x2000_0201, "word load from 0x20000201 is not aligned"),
+        (0x8001, 0x2000_0203, "half-word store to 0x20000203 is not aligned"),
+        (ldr(1, 0, 0), 0x9000_0000, "load from 0x90000000, where nothing answers"),
         (UDF, 0, "undefined instruction 0xde00"),
     ];
     for (instruction, r0, text) in lines {

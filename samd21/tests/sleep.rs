@@ -10,13 +10,7 @@ use samd21::peripherals::ResetCause;
 
 /// Starts SysTick with a period of `period` (at most 256) cycles, with its exception.
 fn start_systick(period: u16) -> [u16; 5] {
-    [
-        movs(0, period - 1),
-        str(0, 3, RVR),
-        str(0, 3, CVR),
-        movs(0, 7),
-        str(0, 3, CSR),
-    ]
+    [movs(0, period - 1), str(0, 3, RVR), str(0, 3, CVR), movs(0, 7), str(0, 3, CSR)]
 }
 
 #[test]
@@ -55,19 +49,12 @@ fn a_delay_by_countflag_takes_its_cycles() {
     run_to_breakpoint(&mut chip);
     let cycles = chip.counters().cycles;
     assert!((100 + 6..100 + 6 + 12).contains(&cycles), "{cycles} cycles");
-    assert_eq!(
-        chip.registers().r[1],
-        0x0000_0005,
-        "the first read has cleared COUNTFLAG"
-    );
+    assert_eq!(chip.registers().r[1], 0x0000_0005, "the first read has cleared COUNTFLAG");
 }
 
 #[test]
 fn clksource_reads_as_one_for_want_of_a_reference_clock() {
-    let mut chip = chip(
-        &code![movs(0, 1), str(0, 3, CSR), ldr(1, 3, CSR), BKPT],
-        &[],
-    );
+    let mut chip = chip(&code![movs(0, 1), str(0, 3, CSR), ldr(1, 3, CSR), BKPT], &[]);
     run_to_breakpoint(&mut chip);
     assert_eq!(chip.registers().r[1], 5);
 }
@@ -95,10 +82,7 @@ fn waking_takes_its_time_and_what_is_pending_already_none() {
     let program = code![start_systick(256), WFI, log(1), BKPT];
     let handler = [(SYSTICK, code![log(15), BX_LR])];
     let run_with = |wake_up| {
-        let options = Options {
-            wake_up,
-            ..Options::default()
-        };
+        let options = Options { wake_up, ..Options::default() };
         let mut chip = chip_with(options, &program, &handler);
         run_to_breakpoint(&mut chip);
         (chip.now(), chip.counters())
@@ -108,19 +92,8 @@ fn waking_takes_its_time_and_what_is_pending_already_none() {
     assert_eq!(late_end - end, Ticks::from_us(4));
     assert_eq!(late.cycles, counters.cycles, "it sleeps meanwhile");
 
-    let options = Options {
-        wake_up: Ticks::from_us(4),
-        ..Options::default()
-    };
-    let program = code![
-        CPSID,
-        movs(0, 1),
-        str(0, 5, 0),
-        str(0, 6, 0),
-        WFI,
-        log(1),
-        BKPT
-    ];
+    let options = Options { wake_up: Ticks::from_us(4), ..Options::default() };
+    let program = code![CPSID, movs(0, 1), str(0, 5, 0), str(0, 6, 0), WFI, log(1), BKPT];
     let mut chip = chip_with(options, &program, &[]);
     run_to_breakpoint(&mut chip);
     assert_eq!(logged(&chip), [1]);
@@ -130,10 +103,7 @@ fn waking_takes_its_time_and_what_is_pending_already_none() {
 #[test]
 fn wfi_wakes_with_primask_set_and_takes_nothing() {
     let program = code![CPSID, start_systick(100), WFI, log(1), CPSIE, log(2), BKPT];
-    let mut chip = chip(
-        &program,
-        &[(SYSTICK, code![log(15), movs(0, 0), str(0, 3, CSR), BX_LR])],
-    );
+    let mut chip = chip(&program, &[(SYSTICK, code![log(15), movs(0, 0), str(0, 3, CSR), BX_LR])]);
     run_to_breakpoint(&mut chip);
     assert_eq!(logged(&chip), [1, 15, 2]);
     assert!(chip.counters().sleep_ticks > 90 * CYCLE);
@@ -168,15 +138,8 @@ fn wfe_takes_the_event_that_is_there_and_sleeps_without_one() {
 #[test]
 fn sevonpend_makes_an_event_of_an_interrupt_that_is_not_enabled() {
     for (scr, expected) in [(0x10, &[1u8][..]), (0, &[])] {
-        let program = code![
-            movs(0, scr),
-            str(0, 4, SCR),
-            movs(0, 1),
-            str(0, 6, 0),
-            WFE,
-            log(1),
-            BKPT
-        ];
+        let program =
+            code![movs(0, scr), str(0, 4, SCR), movs(0, 1), str(0, 6, 0), WFE, log(1), BKPT];
         let mut chip = chip(&program, &[]);
         run(&mut chip);
         assert_eq!(logged(&chip), expected);
@@ -185,14 +148,7 @@ fn sevonpend_makes_an_event_of_an_interrupt_that_is_not_enabled() {
 
 #[test]
 fn sleeponexit_goes_back_to_sleep_after_the_handler() {
-    let program = code![
-        movs(0, 2),
-        str(0, 4, SCR),
-        start_systick(200),
-        WFI,
-        log(1),
-        BKPT
-    ];
+    let program = code![movs(0, 2), str(0, 4, SCR), start_systick(200), WFI, log(1), BKPT];
     let mut chip = chip(&program, &[(SYSTICK, code![log(15), BX_LR])]);
     let until = chip.now() + Ticks(1900 * CYCLE);
     assert_eq!(chip.run_until(until, &mut Unconnected), Stop::Reached);

@@ -185,10 +185,7 @@ impl Bench {
 }
 
 /// A transfer that nobody has acknowledged.
-const REFUSED: Outcome = Outcome {
-    started: Micros(1_000_000),
-    result: Err(BusError::Nak),
-};
+const REFUSED: Outcome = Outcome { started: Micros(1_000_000), result: Err(BusError::Nak) };
 
 #[test]
 fn the_sensor_is_served_before_and_in_the_step_and_at_the_end_and_the_host_behind_it() {
@@ -199,14 +196,8 @@ fn the_sensor_is_served_before_and_in_the_step_and_at_the_end_and_the_host_behin
     let parts = asked.split(|asked| matches!(asked, Asked::Arm(false) | Asked::Begin(_)));
     let others: Vec<&[Asked]> = parts.filter(|part| !part.is_empty()).collect();
     let step_ends = Asked::StepEnds(PulseUs(1424));
-    assert_eq!(
-        others,
-        [&[Asked::StepBegins][..], &[step_ends, Asked::PollPort]]
-    );
-    assert!(matches!(
-        asked[..],
-        [Asked::Arm(false), .., Asked::Begin(_)]
-    ));
+    assert_eq!(others, [&[Asked::StepBegins][..], &[step_ends, Asked::PollPort]]);
+    assert!(matches!(asked[..], [Asked::Arm(false), .., Asked::Begin(_)]));
 }
 
 #[test]
@@ -237,10 +228,7 @@ fn the_sensor_waits_for_a_free_bus() {
     (bench.board.bus, bench.board.time) = (Bus::Free, false);
     bench.turns(vec![Event::Nothing]);
     let asked = bench.board.take();
-    assert!(
-        matches!(asked[..], [Asked::PollPort, Asked::Begin(_)]),
-        "{asked:?}"
-    );
+    assert!(matches!(asked[..], [Asked::PollPort, Asked::Begin(_)]), "{asked:?}");
 }
 
 #[test]
@@ -248,10 +236,7 @@ fn a_step_tells_the_board_the_neutral_pulse_the_rates_and_the_state() {
     let mut bench = Bench::new();
     bench.turns(vec![Event::Missed]);
     let end = bench.board.end.unwrap();
-    assert_eq!(
-        (end.pulses[0], end.neutral[0]),
-        (PulseUs(1424), PulseUs(1424))
-    );
+    assert_eq!((end.pulses[0], end.neutral[0]), (PulseUs(1424), PulseUs(1424)));
     assert_eq!((end.timing.frame_hz, end.timing.i2c_khz), (50, 400));
     assert_eq!(end.state.kind(), StateKind::Boot);
 }

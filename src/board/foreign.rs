@@ -28,9 +28,7 @@ fn show_on(bus: &mut Bus) -> Option<()> {
     sensor.init(&mut Delay).ok()?;
     sensor.set_mode(BNO055OperationMode::AMG, &mut Delay).ok()?;
     let celsius = sensor.temperature().ok()?;
-    ServoPulse
-        .set_duty_cycle(ZERO_US.saturating_add_signed(celsius.into()))
-        .ok()?;
+    ServoPulse.set_duty_cycle(ZERO_US.saturating_add_signed(celsius.into())).ok()?;
     Delay.delay_ms(SHOWN_MS);
     frame::force_neutral();
     Some(())

@@ -56,28 +56,16 @@ impl Board {
             crash::stop(SelfCheck::TakenTwice)
         };
         crash::count_start(&chip.pm);
-        let clocks = clocks::start(
-            chip.gclk,
-            &mut chip.pm,
-            &mut chip.sysctrl,
-            &mut chip.nvmctrl,
-        );
-        let Some(clocks) = clocks else {
-            crash::stop(SelfCheck::Clock)
-        };
+        let clocks = clocks::start(chip.gclk, &mut chip.pm, &mut chip.sysctrl, &mut chip.nvmctrl);
+        let Some(clocks) = clocks else { crash::stop(SelfCheck::Clock) };
         time::start(&mut core.SYST);
         // Before all else: start-up may hang, too.
         let guard = watchdog::WatchdogGuard::start(chip.wdt);
         let mut flash = flash::Flash::new(chip.nvmctrl);
         let (params, stored) = store::load(&mut flash, BoardId::of(&serial_number()));
-        let report = BootReport {
-            crash: crash::report(&chip.pm),
-            stored,
-        };
+        let report = BootReport { crash: crash::report(&chip.pm), stored };
         clocks::enable_buses(&chip.pm);
-        let Some(image) = ImageCheck::new() else {
-            crash::refuse_to_start(SelfCheck::Flash)
-        };
+        let Some(image) = ImageCheck::new() else { crash::refuse_to_start(SelfCheck::Flash) };
         // Behind the check: a damaged image may have read anything.
         if let Some(fine) = params.clock_fine() {
             clocks::set_fine(fine);
@@ -162,15 +150,12 @@ impl Board {
             }
             return self.sampling.over(completion, self.frame.timing());
         }
-        self.sampling
-            .none_over(now)
-            .unwrap_or_else(|check| crash::stop(check))
+        self.sampling.none_over(now).unwrap_or_else(|check| crash::stop(check))
     }
 
     fn is_hurried(&self, now: Micros) -> bool {
         let (timing, period_us) = (self.frame.timing(), self.frame.tick_period_us());
-        self.sampling
-            .is_hurried(now, self.bus.stop_us(), timing, period_us)
+        self.sampling.is_hurried(now, self.bus.stop_us(), timing, period_us)
     }
 }
 
@@ -200,8 +185,7 @@ impl application::Board for Board {
     fn has_time_for(&self, transfer: &Transfer) -> bool {
         let (timing, period_us) = (self.frame.timing(), self.frame.tick_period_us());
         let stop_us = self.bus.stop_us();
-        self.sampling
-            .leaves_time_for(time::now(), transfer, stop_us, timing, period_us)
+        self.sampling.leaves_time_for(time::now(), transfer, stop_us, timing, period_us)
     }
 
     fn begin(&mut self, transfer: Transfer) {

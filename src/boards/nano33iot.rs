@@ -12,10 +12,7 @@ pub(crate) const WIRING: Wiring = Wiring {
     bus: SensorBus::of::<PB08, PB09, D>(),
     servos: [Output::of::<PB11, F>(5), Output::of::<PB10, F>(4)],
     probe: Pin::of::<PA07>(),
-    led: Some(Led {
-        pin: Pin::of::<PA17>(),
-        is_inverted: false,
-    }),
+    led: Some(Led { pin: Pin::of::<PA17>(), is_inverted: false }),
     held_low: &[Pin::of::<PA08>()],
     usb_vendor: 0x2341,
     usb_product: 0x8057,

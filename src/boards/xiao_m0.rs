@@ -12,10 +12,7 @@ pub(crate) const WIRING: Wiring = Wiring {
     bus: SensorBus::of::<PA08, PA09, D>(),
     servos: [Output::of::<PA10, F>(2), Output::of::<PA11, F>(3)],
     probe: Pin::of::<PA07>(),
-    led: Some(Led {
-        pin: Pin::of::<PA17>(),
-        is_inverted: true,
-    }),
+    led: Some(Led { pin: Pin::of::<PA17>(), is_inverted: true }),
     held_low: &[],
     usb_vendor: 0x2886,
     usb_product: 0x802F,

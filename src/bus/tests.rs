@@ -76,11 +76,7 @@ fn master() -> Master<Noted> {
         is_idle: true,
         good: usize::MAX,
     });
-    master.arm(&Bursts {
-        address: ADDRESS,
-        whole: Some(read(3)),
-        rates: Some(read(1)),
-    });
+    master.arm(&Bursts { address: ADDRESS, whole: Some(read(3)), rates: Some(read(1)) });
     master.set_broken(false);
     master
 }
@@ -90,10 +86,7 @@ fn read(len: u8) -> Transfer {
 }
 
 fn write<const N: usize>(bytes: [u8; N]) -> Transfer {
-    Transfer::Write {
-        register: 0x3D,
-        bytes: Bytes::new(bytes),
-    }
+    Transfer::Write { register: 0x3D, bytes: Bytes::new(bytes) }
 }
 
 /// Interrupts with each of these in turn, 100 us apart; whether the last one, and no other, ended
@@ -222,10 +215,7 @@ fn a_tick_starts_the_burst_that_is_armed_once() {
         let over = master.collect(&mut Answer::NONE.clone()).unwrap();
         assert_eq!(over.origin, origin(rates_only));
         let told = master.wire.told.len();
-        assert!(
-            !master.start_burst(Micros(9_000), rates_only),
-            "not armed again"
-        );
+        assert!(!master.start_burst(Micros(9_000), rates_only), "not armed again");
         assert_eq!(master.wire.told.len(), told);
     }
 }

@@ -95,22 +95,14 @@ impl StateCode {
 
     /// Every state with every reason that it can have.
     pub fn all() -> impl Iterator<Item = Self> {
-        let failures = Failure::ALL
-            .iter()
-            .map(|failure| Self::SelfTest(Some(*failure)));
+        let failures = Failure::ALL.iter().map(|failure| Self::SelfTest(Some(*failure)));
         let reasons = ReasonKind::ALL.iter().map(|reason| Self::Failsafe(*reason));
         let latches = LatchKind::ALL.iter().map(|latch| Self::Latched(*latch));
-        [
-            Self::Boot,
-            Self::SelfTest(None),
-            Self::Standby,
-            Self::Armed,
-            Self::Active,
-        ]
-        .into_iter()
-        .chain(failures)
-        .chain(reasons)
-        .chain(latches)
+        [Self::Boot, Self::SelfTest(None), Self::Standby, Self::Armed, Self::Active]
+            .into_iter()
+            .chain(failures)
+            .chain(reasons)
+            .chain(latches)
     }
 
     /// As `custom_mode` has it.
@@ -129,9 +121,7 @@ impl TryFrom<u32> for StateCode {
     type Error = UnknownCode;
 
     fn try_from(number: u32) -> Result<Self, UnknownCode> {
-        Self::all()
-            .find(|code| code.number() == number)
-            .ok_or(UnknownCode(number))
+        Self::all().find(|code| code.number() == number).ok_or(UnknownCode(number))
     }
 }
 
@@ -171,19 +161,15 @@ mod tests {
             }
         }
         assert_eq!(known, codes.len());
-        assert_eq!(
-            StateCode::try_from(0x105),
-            Ok(StateCode::Failsafe(ReasonKind::Sensor))
-        );
+        assert_eq!(StateCode::try_from(0x105), Ok(StateCode::Failsafe(ReasonKind::Sensor)));
         assert_eq!(StateCode::try_from(7), Err(UnknownCode(7)));
     }
 
     /// MAVProxy knows the modes of a rocket (MAV_TYPE 9) by this file only.
     #[test]
     fn the_file_for_mavproxy_names_every_state() {
-        let rows: Vec<_> = StateCode::all()
-            .map(|code| format!("  \"{}\": \"{code}\"", code.number()))
-            .collect();
+        let rows: Vec<_> =
+            StateCode::all().map(|code| format!("  \"{}\": \"{code}\"", code.number())).collect();
         let file = include_str!("../../tools/custom_mode_map.json");
         assert_eq!(file, format!("{{\"9\": {{\n{}\n}}}}\n", rows.join(",\n")));
     }
@@ -211,10 +197,7 @@ mod tests {
             assert!(code.to_string().len() <= 50, "{code}");
         }
         for refusal in RefusalKind::ALL {
-            assert!(
-                refusal.to_string().len() + "pulse refused: ".len() <= 50,
-                "{refusal}"
-            );
+            assert!(refusal.to_string().len() + "pulse refused: ".len() <= 50, "{refusal}");
         }
         // With their longest details.
         let checks = SelfCheck::ALL.iter().map(|check| Crash::SelfCheck(*check));

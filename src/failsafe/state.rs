@@ -53,9 +53,7 @@ impl State {
         Some(match code {
             StateCode::Standby => State::Standby,
             StateCode::Armed => State::Armed,
-            StateCode::Active => State::Active {
-                over_tilt_since: None,
-            },
+            StateCode::Active => State::Active { over_tilt_since: None },
             StateCode::Failsafe(reason) => State::Failsafe(match reason {
                 ReasonKind::Sensor => Reason::Sensor(SensorFault::Nak),
                 ReasonKind::StaleData => Reason::StaleData,
@@ -70,10 +68,7 @@ impl State {
     /// Whether this is where [`Flight::tell`](crate::Flight::tell) is all that there is: from
     /// standby on, with nothing to acknowledge.
     pub fn is_past_start_up(&self) -> bool {
-        matches!(
-            self,
-            State::Standby | State::Armed | State::Active { .. } | State::Failsafe(_)
-        )
+        matches!(self, State::Standby | State::Armed | State::Active { .. } | State::Failsafe(_))
     }
 
     /// Whether the controller moves the rudder.

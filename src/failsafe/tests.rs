@@ -184,10 +184,7 @@ type Reply = Option<Result<(), Refusal>>;
 
 impl Seat {
     fn new(report: BootReport) -> Self {
-        Self {
-            supervisor: Supervisor::new(report),
-            now: Micros(10_000_000),
-        }
+        Self { supervisor: Supervisor::new(report), now: Micros(10_000_000) }
     }
 
     fn state(&self) -> State {
@@ -213,10 +210,7 @@ impl Seat {
         let steps = |since: Micros| (self.now.since(since) / TICK_US).min(20);
         Key {
             state: state.code(),
-            report: (
-                report.crash.map(|crash| crash.kind()),
-                report.stored == Loaded::Corrupt,
-            ),
+            report: (report.crash.map(|crash| crash.kind()), report.stored == Loaded::Corrupt),
             health: (
                 health.valid,
                 health.settled,

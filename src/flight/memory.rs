@@ -53,9 +53,7 @@ impl Flight {
         let next = &mut following(words);
         self.state.carried = Words::told(next);
         let Self { settings, state } = self;
-        settings
-            .navigation
-            .resume(&mut state.navigation, sample, next);
+        settings.navigation.resume(&mut state.navigation, sample, next);
         state.free_flight = Words::told(next);
         for channel in &mut state.channels {
             channel.resume(next);

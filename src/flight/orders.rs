@@ -20,11 +20,8 @@ pub(super) struct TestPulse {
 
 impl TestPulse {
     /// None: it expired at time 0.
-    pub(super) const NONE: Self = Self {
-        axis: Axis::Pitch,
-        pulse: PulseUs::NONE,
-        until: Micros(0),
-    };
+    pub(super) const NONE: Self =
+        Self { axis: Axis::Pitch, pulse: PulseUs::NONE, until: Micros(0) };
 }
 
 /// Who moves a rudder.
@@ -47,11 +44,9 @@ impl Flight {
         self.permit(command)?;
         self.state.supervisor.command(now, command)?;
         self.state.test_pulse = match command {
-            Command::TestPulse(axis, pulse) => TestPulse {
-                axis,
-                pulse,
-                until: now.after(TEST_PULSE_US),
-            },
+            Command::TestPulse(axis, pulse) => {
+                TestPulse { axis, pulse, until: now.after(TEST_PULSE_US) }
+            }
             _ => TestPulse::NONE,
         };
         Ok(())

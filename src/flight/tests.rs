@@ -167,10 +167,7 @@ fn from_boot_to_upright() {
             furthest = furthest.min(desk.pitch * start.signum());
         }
         assert!(desk.pitch.abs() < 0.02, "{start}: ends at {}", desk.pitch);
-        assert!(
-            furthest > -0.05 * start.abs() - 0.01,
-            "{start}: overshoots to {furthest}"
-        );
+        assert!(furthest > -0.05 * start.abs() - 0.01, "{start}: overshoots to {furthest}");
     }
 }
 
@@ -230,10 +227,7 @@ fn what_turned_while_samples_were_missed_is_made_good() {
         let attitude = desk.flight.attitude();
         assert!(!attitude.flags.gap, "{missed}");
         let pitch = attitude.orientation.pitch();
-        assert!(
-            (f64::from(pitch) - desk.pitch).abs() < 0.005,
-            "{missed}: {pitch}"
-        );
+        assert!((f64::from(pitch) - desk.pitch).abs() < 0.005, "{missed}: {pitch}");
     }
 }
 
@@ -261,10 +255,7 @@ fn a_sample_that_is_not_newer_is_late() {
     let sample = reading(desk.now_us, desk.pitch, desk.rate);
     assert!(desk.step_with(Ok(sample)).sample.is_some());
     assert!(desk.step_with(Ok(sample)).sample.is_none());
-    let older = RawSample {
-        time: Micros(sample.time.0 - 1),
-        ..sample
-    };
+    let older = RawSample { time: Micros(sample.time.0 - 1), ..sample };
     let outputs = desk.step_with(Ok(older));
     assert_eq!((outputs.sample, outputs.missed), (None, 2));
 }
@@ -283,15 +274,8 @@ fn a_sample_that_is_too_old_when_it_comes_is_as_bad_as_none() {
 fn gains_change_in_flight_and_the_frame_rate_does_not() {
     let mut desk = Desk::active(0.4);
     desk.flight.set_param("PID_KP", 1.6).unwrap();
-    for (name, value) in [
-        ("SRV_RATE_HZ", 300.0),
-        ("I2C_KHZ", 100.0),
-        ("SRV_DIR", -1.0),
-    ] {
-        assert_eq!(
-            desk.flight.set_param(name, value),
-            Err(ParamError::Armed { name })
-        );
+    for (name, value) in [("SRV_RATE_HZ", 300.0), ("I2C_KHZ", 100.0), ("SRV_DIR", -1.0)] {
+        assert_eq!(desk.flight.set_param(name, value), Err(ParamError::Armed { name }));
     }
     desk.command(Command::Disarm).unwrap();
     desk.flight.set_param("SRV_RATE_HZ", 300.0).unwrap();
@@ -346,12 +330,7 @@ fn a_declination_turns_the_heading() {
 
 #[derive(Clone, Debug)]
 enum Event {
-    Sample {
-        dt_us: i64,
-        acc: [i16; 3],
-        gyr: [i16; 3],
-        mag: [i16; 3],
-    },
+    Sample { dt_us: i64, acc: [i16; 3], gyr: [i16; 3], mag: [i16; 3] },
     Honest,
     Miss(SensorFault),
     Order(Command),
@@ -455,10 +434,7 @@ fn the_gyros_offset_is_taken_off_when_the_drone_may_be_armed() {
         assert!(desk.now_us < 6_000_000);
     }
     let attitude = desk.flight.attitude();
-    assert!(
-        (attitude.bias[1].to_degrees() - 1.0).abs() < 0.02,
-        "{attitude:?}"
-    );
+    assert!((attitude.bias[1].to_degrees() - 1.0).abs() < 0.02, "{attitude:?}");
     assert!(attitude.rate[1].abs() < 1e-3, "{attitude:?}");
 }
 
@@ -498,10 +474,8 @@ fn a_saturated_accelerometer_does_not_turn_the_attitude() {
         desk.run(at);
         for step in 0..ms * 1_000 / PERIOD_US as usize {
             let full = [7_845, -7_845][step % 2];
-            let sample = RawSample {
-                acc: [full; 3],
-                ..reading(desk.now_us, desk.pitch, desk.rate)
-            };
+            let sample =
+                RawSample { acc: [full; 3], ..reading(desk.now_us, desk.pitch, desk.rate) };
             desk.step_with(Ok(sample));
         }
         let state = desk.run(150).state;

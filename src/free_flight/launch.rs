@@ -52,14 +52,7 @@ impl Settings {
             is_free: params.fuse_acc() == 0.0,
             is_needed: params.gs_rows() != 0.0,
         };
-        let Self {
-            launch,
-            burnout,
-            burn_us,
-            is_free,
-            is_needed,
-            ..
-        } = settings;
+        let Self { launch, burnout, burn_us, is_free, is_needed, .. } = settings;
         Self {
             is_needed: is_needed || is_free || launch > 0 || burnout > 0 || burn_us > 0,
             ..settings
@@ -113,9 +106,7 @@ impl Launch {
             State::Armed => {
                 let since = self.since;
                 self.forget();
-                let Settings {
-                    launch, launch_us, ..
-                } = *settings;
+                let Settings { launch, launch_us, .. } = *settings;
                 if launch == 0 || acceleration < launch {
                     return None;
                 }
@@ -200,10 +191,7 @@ impl Launch {
     }
 
     fn forget(&mut self) {
-        *self = Self {
-            newest: self.newest,
-            ..Self::default()
-        };
+        *self = Self { newest: self.newest, ..Self::default() };
     }
 }
 

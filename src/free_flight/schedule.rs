@@ -98,10 +98,7 @@ mod tests {
         let schedule = configured(&params(&[]));
         assert!(schedule.is_possible() && !schedule.is_constant());
         for (seconds, expected) in [(0.0, 2.0), (5.0, 3.0), (10.0, 4.0), (90.0, 4.0)] {
-            assert!(
-                (kp(&schedule, seconds) - expected).abs() < 1e-3,
-                "{seconds}"
-            );
+            assert!((kp(&schedule, seconds) - expected).abs() < 1e-3, "{seconds}");
         }
     }
 

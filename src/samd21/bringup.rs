@@ -78,21 +78,13 @@ fn edge(high: bool) -> Option<u32> {
 /// Has TC5 count generator 7, which clocks the watchdog.
 fn count_slow_clock() {
     // SAFETY: a timer that nothing else uses, and its clocks; the main loop alone changes those.
-    let (pm, gclk, timer) = unsafe {
-        (
-            &*pac::Pm::ptr(),
-            &*pac::Gclk::ptr(),
-            (*pac::Tc5::ptr()).count16(),
-        )
-    };
+    let (pm, gclk, timer) =
+        unsafe { (&*pac::Pm::ptr(), &*pac::Gclk::ptr(), (*pac::Tc5::ptr()).count16()) };
     /// The address of COUNT, which is kept up to date.
     const COUNT: u8 = 0x10;
     pm.apbcmask().modify(|_, w| w.tc5_().set_bit());
-    gclk.clkctrl()
-        .write(|w| w.id().tc4_tc5().r#gen().gclk7().clken().set_bit());
+    gclk.clkctrl().write(|w| w.id().tc4_tc5().r#gen().gclk7().clken().set_bit());
     timer.ctrla().write(|w| w.enable().set_bit());
     // SAFETY: a register's address within the timer.
-    timer
-        .readreq()
-        .write(|w| unsafe { w.addr().bits(COUNT).rcont().set_bit().rreq().set_bit() });
+    timer.readreq().write(|w| unsafe { w.addr().bits(COUNT).rcont().set_bit().rreq().set_bit() });
 }

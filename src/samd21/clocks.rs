@@ -40,10 +40,7 @@ pub(crate) fn start(
         false,
     )?;
     controller.wdt(&slow)?;
-    let clocks = Clocks {
-        usb: controller.usb(&main)?,
-        frame: controller.tcc0_tcc1(&main)?,
-    };
+    let clocks = Clocks { usb: controller.usb(&main)?, frame: controller.tcc0_tcc1(&main)? };
     clock_bus();
     Some(clocks)
 }
@@ -54,17 +51,14 @@ fn clock_bus() {
     const ENABLED: u16 = 1 << 14;
     // SAFETY: start-up alone writes it here.
     unsafe {
-        (*pac::Gclk::ptr())
-            .clkctrl()
-            .write(|w| w.bits(ENABLED | u16::from(i2c::CLOCK_ID)));
+        (*pac::Gclk::ptr()).clkctrl().write(|w| w.bits(ENABLED | u16::from(i2c::CLOCK_ID)));
     }
 }
 
 /// Switch on the bus clocks of the servo timer and of the sensor bus's SERCOM.
 pub(crate) fn enable_buses(pm: &pac::Pm) {
     // SAFETY: masks of peripherals that the chip has.
-    pm.apbcmask()
-        .modify(|r, w| unsafe { w.bits(r.bits() | i2c::BUS_CLOCK).tcc0_().set_bit() });
+    pm.apbcmask().modify(|r, w| unsafe { w.bits(r.bits() | i2c::BUS_CLOCK).tcc0_().set_bit() });
 }
 
 /// Clock the servo timer once more, from generator 0, should a register have lost that.
@@ -73,9 +67,7 @@ pub(crate) fn clock_frame_again() {
     unsafe {
         let chip = pac::Peripherals::steal();
         enable_buses(&chip.pm);
-        chip.gclk
-            .clkctrl()
-            .write(|w| w.id().tcc0_tcc1().r#gen().gclk0().clken().set_bit());
+        chip.gclk.clkctrl().write(|w| w.id().tcc0_tcc1().r#gen().gclk0().clken().set_bit());
     }
 }
 
@@ -123,9 +115,7 @@ pub(crate) fn set_fine(fine: u16) {
     let _ = ready();
     let coarse = calibrated_coarse();
     // SAFETY: six and ten bits, as the row of calibration and the parameter's range have them.
-    sysctrl
-        .dfllval()
-        .write(|w| unsafe { w.coarse().bits(coarse).fine().bits(fine) });
+    sysctrl.dfllval().write(|w| unsafe { w.coarse().bits(coarse).fine().bits(fine) });
     let _ = ready();
     control(DFLL_CONTROL);
     let _ = ready();

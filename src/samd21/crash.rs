@@ -58,20 +58,10 @@ unsafe extern "C" {
 }
 
 impl Record {
-    const EMPTY: Self = Self {
-        magic: 0,
-        kind: 0,
-        detail: 0,
-        seal: 0,
-    };
+    const EMPTY: Self = Self { magic: 0, kind: 0, detail: 0, seal: 0 };
 
     fn new(kind: u32, detail: u32) -> Self {
-        Self {
-            magic: MAGIC,
-            kind,
-            detail,
-            seal: seal(kind, detail),
-        }
+        Self { magic: MAGIC, kind, detail, seal: seal(kind, detail) }
     }
 
     fn crash(self) -> Option<Crash> {
@@ -202,10 +192,7 @@ impl KeptNeutral {
     /// Keeps them.
     pub(crate) fn store(counts: [u32; Axis::COUNT]) {
         let [first, second] = counts;
-        let kept = Self {
-            counts,
-            seal: seal(first, second),
-        };
+        let kept = Self { counts, seal: seal(first, second) };
         // SAFETY: as in `Record::store`.
         unsafe { addr_of_mut!(_kept_neutral).write_volatile(kept) };
     }
@@ -236,11 +223,8 @@ pub(crate) fn count_start(pm: &pac::Pm) {
     // SAFETY: as in `Record::take`.
     let kept = unsafe { addr_of_mut!(_starts).read_volatile() };
     let goes_on = cause.wdt().bit_is_set() || cause.syst().bit_is_set();
-    let count = if goes_on && kept.seal == seal(kept.count, 0) {
-        kept.count.saturating_add(1)
-    } else {
-        1
-    };
+    let count =
+        if goes_on && kept.seal == seal(kept.count, 0) { kept.count.saturating_add(1) } else { 1 };
     if count > STARTS_MAX {
         keep_starts(0);
         usb::enter_bootloader();
@@ -254,10 +238,7 @@ pub(crate) fn has_started() {
 }
 
 fn keep_starts(count: u32) {
-    let starts = Starts {
-        count,
-        seal: seal(count, 0),
-    };
+    let starts = Starts { count, seal: seal(count, 0) };
     // SAFETY: as in `Record::store`.
     unsafe { addr_of_mut!(_starts).write_volatile(starts) };
 }

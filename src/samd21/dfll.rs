@@ -22,10 +22,7 @@ impl DfllCheck {
     /// What is set now.
     pub(crate) fn new() -> Self {
         let fine = fine();
-        Self {
-            fine,
-            complement: !fine,
-        }
+        Self { fine, complement: !fine }
     }
 
     /// Puts FINE right where it has jumped.

@@ -86,9 +86,7 @@ impl Flash {
                 Operation::WritePage => w.cmd().wp(),
             }
         });
-        let ready = within(LIMIT_US, || {
-            self.controller.intflag().read().ready().bit_is_set()
-        });
+        let ready = within(LIMIT_US, || self.controller.intflag().read().ready().bit_is_set());
         let status = self.controller.status().read();
         if ready && !(status.proge().bit() || status.locke().bit() || status.nvme().bit()) {
             Ok(())
@@ -101,9 +99,7 @@ impl Flash {
         // The register counts 16-bit words.
         let address = ((START + offset) / 2) as u32;
         // SAFETY: an address within flash.
-        self.controller
-            .addr()
-            .write(|w| unsafe { w.addr().bits(address) });
+        self.controller.addr().write(|w| unsafe { w.addr().bits(address) });
     }
 }
 
@@ -136,12 +132,10 @@ impl NorFlash for Flash {
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), Refused> {
         check_erase(self, from, to)?;
-        (from as usize..to as usize)
-            .step_by(ROW_BYTES)
-            .try_for_each(|row| {
-                self.point_at(row);
-                self.operate(Operation::EraseRow)
-            })
+        (from as usize..to as usize).step_by(ROW_BYTES).try_for_each(|row| {
+            self.point_at(row);
+            self.operate(Operation::EraseRow)
+        })
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Refused> {

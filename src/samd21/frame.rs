@@ -129,15 +129,9 @@ impl Frame {
         }
         ready &= soon(|| timer.syncbusy().read().bits() == 0);
         announce(&plan, &timing);
-        timer
-            .ctrla()
-            .modify(|_, w| w.prescaler().div16().enable().set_bit());
+        timer.ctrla().modify(|_, w| w.prescaler().div16().enable().set_bit());
         ready &= soon(|| timer.syncbusy().read().enable().bit_is_clear());
-        let mut frame = Self {
-            timing,
-            plan,
-            connected: 0,
-        };
+        let mut frame = Self { timing, plan, connected: 0 };
         RUNNING.store(true, Ordering::Release);
         ready &= frame.write(neutral);
         if !ready {
@@ -155,12 +149,7 @@ impl Frame {
     #[must_use]
     pub(crate) fn write(&mut self, pulses: [PulseUs; Axis::COUNT]) -> bool {
         let steered = pulses.iter().take_while(|pulse| **pulse != PulseUs::NONE);
-        for servo in WIRING
-            .servos
-            .iter()
-            .take(steered.count())
-            .skip(self.connected)
-        {
+        for servo in WIRING.servos.iter().take(steered.count()).skip(self.connected) {
             servo.pin.low();
             servo.pin.connect(servo.function);
             self.connected += 1;
@@ -299,14 +288,10 @@ pub(crate) fn send_pulses(counts: [u32; Axis::COUNT]) {
     timer.per().write(|w| unsafe { w.bits(LAST_COUNT) });
     for (channel, counts) in SERVO_CHANNELS.into_iter().zip(counts) {
         // SAFETY: as above.
-        timer
-            .cc(channel % CHANNELS)
-            .write(|w| unsafe { w.bits(counts & 0xFFFF) });
+        timer.cc(channel % CHANNELS).write(|w| unsafe { w.bits(counts & 0xFFFF) });
     }
     is_right &= soon(|| timer.syncbusy().read().bits() == 0);
-    timer
-        .ctrla()
-        .modify(|_, w| w.prescaler().div16().enable().set_bit());
+    timer.ctrla().modify(|_, w| w.prescaler().div16().enable().set_bit());
     is_right &= soon(|| timer.syncbusy().read().enable().bit_is_clear());
     let modes = timer.ctrla().read();
     is_right &= modes.prescaler().is_div16() && modes.enable().bit_is_set();
@@ -334,11 +319,7 @@ pub(crate) fn will_be_sent(counts: [u32; Axis::COUNT]) {
 
 /// The interrupts of the ticks.
 fn wanted_interrupts(plan: &TickPlan) -> u32 {
-    if plan.ticks_per_frame > 1 {
-        LAST | EARLY
-    } else {
-        LAST
-    }
+    if plan.ticks_per_frame > 1 { LAST | EARLY } else { LAST }
 }
 
 /// Timer counts of a pulse.
@@ -357,9 +338,7 @@ fn write_buffer(channel: usize, counts: u32) -> bool {
         // Both or neither: the watchdog's early warning may write them, too.
         critical_section::with(|_| {
             // SAFETY: a pulse is at most 65,535 us, 196,605 counts; the register has 24 bits.
-            timer
-                .ccb(channel % CHANNELS)
-                .write(|w| unsafe { w.bits(counts) });
+            timer.ccb(channel % CHANNELS).write(|w| unsafe { w.bits(counts) });
             if let Some(sent) = SENT.get(channel) {
                 sent.store(counts, Ordering::Relaxed);
             }
@@ -372,9 +351,7 @@ fn write_buffer(channel: usize, counts: u32) -> bool {
 /// with a damaged image would send is kept while the vehicle is not armed: in flight the damage may
 /// be what has made other pulses of them.
 pub(crate) fn set_neutral(pulses: [PulseUs; Axis::COUNT], is_armed: bool) {
-    let before = NEUTRAL
-        .each_ref()
-        .map(|place| place.load(Ordering::Relaxed));
+    let before = NEUTRAL.each_ref().map(|place| place.load(Ordering::Relaxed));
     let mut now = before;
     for (now, pulse) in now.iter_mut().zip(pulses) {
         if pulse != PulseUs::NONE {
@@ -426,9 +403,7 @@ pub(crate) fn has_begun() -> bool {
 /// From here on [`has_begun`] tells of the next frame.
 pub(crate) fn forget_begin() {
     // SAFETY: clears a flag that exists and that no interrupt uses.
-    frame_registers()
-        .intflag()
-        .write(|w| unsafe { w.bits(OVERFLOW) });
+    frame_registers().intflag().write(|w| unsafe { w.bits(OVERFLOW) });
 }
 
 /// Wait for the beginning of a frame; whether one has come.
@@ -459,11 +434,7 @@ pub(crate) fn end_in_neutral(broken: bool) {
     if RUNNING.load(Ordering::Acquire) && (broken || !begins()) {
         end_pulses();
         clock_frame_again();
-        send_pulses(
-            NEUTRAL
-                .each_ref()
-                .map(|place| place.load(Ordering::Relaxed)),
-        );
+        send_pulses(NEUTRAL.each_ref().map(|place| place.load(Ordering::Relaxed)));
     }
 }
 
@@ -517,9 +488,7 @@ fn TCC0() {
     {
         let tick = next.load(Ordering::Relaxed);
         // SAFETY: less than the counter's 24 bits hold.
-        timer
-            .cc(EARLY_TICK_CHANNEL)
-            .write(|w| unsafe { w.bits(tick) });
+        timer.cc(EARLY_TICK_CHANNEL).write(|w| unsafe { w.bits(tick) });
     }
     let frames = FRAMES.load(Ordering::Relaxed) + u8::from(last);
     let due = pending & EARLY != 0 || frames >= FRAMES_PER_TICK.load(Ordering::Relaxed);
@@ -532,11 +501,7 @@ fn TCC0() {
         if let Some(limit_us) = BURST_LIMITS_US.get(usize::from(rates_only)) {
             time::wake_before(at.after(limit_us.load(Ordering::Relaxed).into()));
         }
-        let tick = Tick {
-            at,
-            is_carried: last,
-            rates_only,
-        };
+        let tick = Tick { at, is_carried: last, rates_only };
         critical_section::with(|cs| TICK.borrow(cs).set(Some(tick)));
     }
 }

@@ -146,9 +146,7 @@ impl Bus {
     /// The transfer that is over, once; ends one that has reached its deadline, and repairs the bus
     /// where no step is `due` meanwhile.
     pub(crate) fn poll(&mut self, now: Micros, due: Option<Micros>) -> Option<Completion> {
-        let Self {
-            answer, idle_by, ..
-        } = self;
+        let Self { answer, idle_by, .. } = self;
         let (completion, is_broken) = with_master(|master| {
             if master.is_well(now) {
                 *idle_by = None;
@@ -156,11 +154,7 @@ impl Bus {
             }
             if master.is_late(now) {
                 let lines_free = WIRING.bus.sda.is_high() && WIRING.bus.scl.is_high();
-                master.abort(if lines_free {
-                    BusError::Timeout
-                } else {
-                    BusError::Stuck
-                });
+                master.abort(if lines_free { BusError::Timeout } else { BusError::Stuck });
             }
             let completion = master.collect(answer);
             if completion.is_some() || !master.awaits_stop() {

@@ -55,11 +55,7 @@ pub(crate) struct ImageCheck {
 impl ImageCheck {
     /// Reads the whole image, which takes 4 ms. `None` if it is not the one that was sealed.
     pub(crate) fn new() -> Option<Self> {
-        let mut check = Self {
-            expected: Sums::default(),
-            sums: Sums::default(),
-            at: begin(),
-        };
+        let mut check = Self { expected: Sums::default(), sums: Sums::default(), at: begin() };
         check.restart();
         while check.at < end() {
             check.read_part();

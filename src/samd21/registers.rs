@@ -126,10 +126,8 @@ const PROCESSOR: [(Register, u32); 3] = [
 ];
 
 /// The same of the watchdog: generator 7 runs from OSCULP32K (SRC 3), by 32.
-const WATCHDOG: [(Register, u32); 2] = [
-    (division(7).bits(0x00FF_FF00), 32 << 8),
-    (generator(7).bits(0x0011_1F00), 0x0001_0300),
-];
+const WATCHDOG: [(Register, u32); 2] =
+    [(division(7).bits(0x00FF_FF00), 32 << 8), (generator(7).bits(0x0011_1F00), 0x0001_0300)];
 
 /// Whether the processor runs at the DFLL's frequency.
 pub(crate) fn is_processor_right() -> bool {

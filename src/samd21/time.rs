@@ -63,11 +63,7 @@ pub(crate) fn sleep_until(deadline: Micros, turn: Micros) -> (Micros, u32) {
     let (is_unseen, is_turn, is_last) = critical_section::with(|cs| {
         ALARM.borrow(cs).set(end);
         let interrupted = Micros(ELAPSED_US.borrow(cs).get());
-        (
-            UNSEEN.borrow(cs).take(),
-            !may_sleep(interrupted, turn),
-            !may_sleep(interrupted, end),
-        )
+        (UNSEEN.borrow(cs).take(), !may_sleep(interrupted, turn), !may_sleep(interrupted, end))
     });
     // It came after its reader had looked: the deadlines are not the newest.
     if is_unseen {

@@ -63,11 +63,7 @@ impl I2c for Bus {
 impl Bus {
     /// Carries out a transfer, and waits for its STOP.
     fn transfer(&mut self, address: u8, transfer: Transfer) -> Result<(), ErrorKind> {
-        self.arm(&Bursts {
-            address,
-            whole: None,
-            rates: None,
-        });
+        self.arm(&Bursts { address, whole: None, rates: None });
         self.begin(&transfer);
         // A transfer that is late is given up in here.
         let over = loop {
@@ -99,10 +95,6 @@ impl SetDutyCycle for ServoPulse {
     }
 
     fn set_duty_cycle(&mut self, duty: u16) -> Result<(), pwm::ErrorKind> {
-        if frame::send(PulseUs(duty)) {
-            Ok(())
-        } else {
-            Err(pwm::ErrorKind::Other)
-        }
+        if frame::send(PulseUs(duty)) { Ok(()) } else { Err(pwm::ErrorKind::Other) }
     }
 }

@@ -140,18 +140,10 @@ impl Port {
             return 0;
         }
         TAKEN.store(false, Ordering::Relaxed);
-        let most = if bytes.len() == PACKET_BYTES {
-            SHORT_PACKET_BYTES
-        } else {
-            PACKET_BYTES
-        };
+        let most = if bytes.len() == PACKET_BYTES { SHORT_PACKET_BYTES } else { PACKET_BYTES };
         let packet = bytes.get(..most).unwrap_or(bytes);
         MORE.store(packet.len() < bytes.len(), Ordering::Relaxed);
-        if self.controller.write(packet) {
-            packet.len()
-        } else {
-            0
-        }
+        if self.controller.write(packet) { packet.len() } else { 0 }
     }
 
     /// Boards are asked into their bootloader by a port that is at 1,200 baud and not open, however

@@ -49,21 +49,12 @@ pub(crate) struct WatchdogGuard {
 impl WatchdogGuard {
     /// Start the watchdog.
     pub(crate) fn start(watchdog: pac::Wdt) -> Self {
-        let guard = Self {
-            watchdog,
-            work: Work::new(now()),
-        };
+        let guard = Self { watchdog, work: Work::new(now()) };
         guard.settle();
         // In window mode it is closed for 8 ms.
-        guard
-            .watchdog
-            .config()
-            .write(|w| w.per().variant(TIMEOUT).window()._8());
+        guard.watchdog.config().write(|w| w.per().variant(TIMEOUT).window()._8());
         guard.settle();
-        guard
-            .watchdog
-            .ewctrl()
-            .write(|w| w.ewoffset().variant(EARLY_WARNING));
+        guard.watchdog.ewctrl().write(|w| w.ewoffset().variant(EARLY_WARNING));
         guard.settle();
         guard.watchdog.intenset().write(|w| w.ew().set_bit());
         guard.watchdog.ctrl().write(|w| w.enable().set_bit());

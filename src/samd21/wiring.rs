@@ -73,11 +73,7 @@ pub(crate) struct Output {
 impl Output {
     /// Output `number` of the timer, which this function leads to the pin (data sheet, table 7-1).
     pub(crate) const fn of<Id: PinId, Function: AlternateConfig>(number: usize) -> Self {
-        Self {
-            pin: Pin::of::<Id>(),
-            function: Function::DYN,
-            channel: number % CHANNELS,
-        }
+        Self { pin: Pin::of::<Id>(), function: Function::DYN, channel: number % CHANNELS }
     }
 }
 

@@ -28,11 +28,7 @@ enum Tear {
 
 impl Mock {
     pub(crate) fn new() -> Self {
-        Self {
-            bytes: [0xFF; STORE_BYTES],
-            power: None,
-            operations: 0,
-        }
+        Self { bytes: [0xFF; STORE_BYTES], power: None, operations: 0 }
     }
 
     /// Nothing that was saved can be read any more.
@@ -105,18 +101,13 @@ impl NorFlash for Mock {
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), Self::Error> {
         assert!(from.is_multiple_of(ROW as u32) && to.is_multiple_of(ROW as u32));
-        (from..to)
-            .step_by(ROW)
-            .try_for_each(|row| self.operate(row as usize, &[0xFF; ROW]))
+        (from..to).step_by(ROW).try_for_each(|row| self.operate(row as usize, &[0xFF; ROW]))
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
         assert!(offset.is_multiple_of(PAGE as u32) && bytes.len() == PAGE);
         let old = &self.bytes[offset as usize..][..PAGE];
-        assert!(
-            old.iter().all(|byte| *byte == 0xFF),
-            "a page is written once between erasures"
-        );
+        assert!(old.iter().all(|byte| *byte == 0xFF), "a page is written once between erasures");
         self.operate(offset as usize, bytes)
     }
 }
@@ -131,11 +122,7 @@ fn params(kp: f32) -> Params {
 }
 
 fn set(generation: u32) -> Loaded {
-    Loaded::Set {
-        generation,
-        interrupted: false,
-        unusable: 0,
-    }
+    Loaded::Set { generation, interrupted: false, unusable: 0 }
 }
 
 /// Of no board.
@@ -211,9 +198,8 @@ fn the_layout_is_as_documented() {
 }
 
 fn hash_of(name: &str) -> u32 {
-    name.bytes().fold(2_166_136_261, |hash: u32, byte| {
-        (hash ^ u32::from(byte)).wrapping_mul(16_777_619)
-    })
+    name.bytes()
+        .fold(2_166_136_261, |hash: u32, byte| (hash ^ u32::from(byte)).wrapping_mul(16_777_619))
 }
 
 /// Power cut in every operation of a save, in every way: the old set or the new one, whole, and the
@@ -301,13 +287,9 @@ fn cuts_in_a_save_that_begins_again_and_in_the_one_after_it_mix_nothing() {
     for changed in 0..operations {
         // The last of them comes too late.
         for cut in 1..=changed + operations + 1 {
-            for tear in [
-                Tear::Before,
-                Tear::Part(9),
-                Tear::Part(40),
-                Tear::Part(PAGE),
-                Tear::Bits(77),
-            ] {
+            for tear in
+                [Tear::Before, Tear::Part(9), Tear::Part(40), Tear::Part(PAGE), Tear::Bits(77)]
+            {
                 let mut flash = before.clone();
                 cut_at(&mut flash, cut, tear);
                 let mut saving = Saving::begin(&mut flash, &sets[1], BoardId::default());
@@ -363,14 +345,7 @@ fn a_damaged_slot_is_reported_and_the_other_one_used() {
     flash.bytes[SLOT_BYTES + 20] ^= 4;
     let (loaded, what) = load(&mut flash);
     assert_eq!(loaded, params(1.0));
-    assert!(matches!(
-        what,
-        Loaded::Set {
-            generation: 1,
-            interrupted: true,
-            ..
-        }
-    ));
+    assert!(matches!(what, Loaded::Set { generation: 1, interrupted: true, .. }));
     flash.bytes[20] ^= 4;
     assert_eq!(load(&mut flash), (Params::default(), Loaded::Corrupt));
 }
@@ -391,10 +366,7 @@ fn values_that_this_image_does_not_know_or_allow_keep_their_defaults() {
     assert_eq!(loaded.srv_centre_us(), 1502.0);
     assert!(matches!(what, Loaded::Set { unusable: 1, .. }));
     rewrite(&mut flash, 28, f32::NAN.to_bits());
-    assert!(matches!(
-        load(&mut flash).1,
-        Loaded::Set { unusable: 2, .. }
-    ));
+    assert!(matches!(load(&mut flash).1, Loaded::Set { unusable: 2, .. }));
 }
 
 /// An older image has saved twice; this one finds the newer set, and its own saves take turns from
@@ -404,12 +376,7 @@ fn what_an_older_image_saved_is_found() {
     let mut flash = Mock::new();
     for (generation, at) in [(1, SLOT_BYTES), (2, STORE_BYTES - OLD_SLOT_BYTES)] {
         let mut slot = [0xFF; SLOT_BYTES];
-        compose(
-            &params(generation as f32),
-            generation,
-            BoardId::default(),
-            &mut slot,
-        );
+        compose(&params(generation as f32), generation, BoardId::default(), &mut slot);
         // It had fewer parameters.
         let count = 40;
         put(&mut slot, 12, &40_u16.to_le_bytes());
@@ -431,13 +398,8 @@ fn what_an_older_image_saved_is_found() {
 
 #[test]
 fn generations_are_compared_as_they_wrap() {
-    let contents = |a, b| {
-        [
-            Content::Set { generation: a },
-            Content::Set { generation: b },
-            Content::Damaged,
-        ]
-    };
+    let contents =
+        |a, b| [Content::Set { generation: a }, Content::Set { generation: b }, Content::Damaged];
     assert_eq!(newest(contents(u32::MAX, 0)), Some((Slot::Second, 0)));
     assert_eq!(newest(contents(0, u32::MAX)), Some((Slot::First, 0)));
     assert_eq!(newest(contents(7, 6)), Some((Slot::First, 7)));

@@ -70,9 +70,7 @@ impl Telemetry {
     /// Send the next parameter of a list under way, when there is room for it. Says whether there
     /// is one.
     pub(super) fn continue_list(&mut self, params: &Params) -> bool {
-        let row = self
-            .list
-            .and_then(|index| Some((index, params.by_index(index)?)));
+        let row = self.list.and_then(|index| Some((index, params.by_index(index)?)));
         let Some((index, (info, value))) = row else {
             self.list = None;
             return false;

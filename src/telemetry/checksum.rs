@@ -83,12 +83,8 @@ mod tests {
         for len in 0..bytes.len() {
             let expected = mavlink::calculate_crc(&bytes[..len], 50);
             assert_eq!(Checksum::of(&bytes[..len], 50), expected, "{len} bytes");
-            let words: std::vec::Vec<u32> = bytes
-                .as_chunks()
-                .0
-                .iter()
-                .map(|word| u32::from_le_bytes(*word))
-                .collect();
+            let words: std::vec::Vec<u32> =
+                bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect();
             let mut place = std::vec![0; len];
             let mut written = Checksum::new().write(&words, &mut place);
             written.add(50);

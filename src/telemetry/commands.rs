@@ -30,11 +30,7 @@ const GRIPPER_RELEASE: f32 = 0.0;
 
 impl Telemetry {
     pub(super) fn command(&mut self, now: Micros, message: &Message, flight: &mut Flight) {
-        let Order {
-            param1,
-            param2,
-            command,
-        } = Order::decode(message);
+        let Order { param1, param2, command } = Order::decode(message);
         const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
         const GRIPPER: u16 = MavCmd::MAV_CMD_DO_GRIPPER as u16;
         const INTERVAL: u16 = MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL as u16;
@@ -54,9 +50,7 @@ impl Telemetry {
             ARM_DISARM if param1 == 0.0 => self.order(now, Command::Disarm, flight),
             GRIPPER if param2 == GRIPPER_RELEASE => self.order(now, Command::Release, flight),
             // A host asks again and again, so nothing is said besides.
-            READINESS => flight
-                .may(now, Command::Arm)
-                .map_err(|refusal| refusal.kind()),
+            READINESS => flight.may(now, Command::Arm).map_err(|refusal| refusal.kind()),
             // Answered anew when it is done.
             CALIBRATION if param1 == 1.0 => match self.calibrate(now, flight) {
                 Ok(()) => return self.acknowledge_progress(),
@@ -66,11 +60,7 @@ impl Telemetry {
                 if (param1 == 1.0 || param1 == 2.0)
                     && (PULSE_MIN_US..=PULSE_MAX_US).contains(&param2) =>
             {
-                let axis = if param1 == 1.0 {
-                    Axis::Pitch
-                } else {
-                    Axis::Roll
-                };
+                let axis = if param1 == 1.0 { Axis::Pitch } else { Axis::Roll };
                 let pulse = PulseUs(param2 as u16);
                 self.order(now, Command::TestPulse(axis, pulse), flight)
             }
@@ -78,10 +68,7 @@ impl Telemetry {
             STORAGE => return self.order_storage(param1, flight),
             bringup::COMMAND if flight.state().is_idle() => {
                 // Answered when it is done.
-                let order = bringup::Order {
-                    what: param1 as u8,
-                    number: param2.to_bits(),
-                };
+                let order = bringup::Order { what: param1 as u8, number: param2.to_bits() };
                 self.bringup = Some((order, self.asker));
                 return;
             }

@@ -20,10 +20,7 @@ pub(super) struct Download {
 
 impl Download {
     pub(super) const fn new() -> Self {
-        Self {
-            list: false,
-            range: None,
-        }
+        Self { list: false, range: None }
     }
 }
 

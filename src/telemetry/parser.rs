@@ -80,10 +80,7 @@ enum Found {
 
 impl Parser {
     pub(super) const fn new() -> Self {
-        Self {
-            buffer: Vec::new(),
-            crc_errors: 0,
-        }
+        Self { buffer: Vec::new(), crc_errors: 0 }
     }
 
     /// Take one byte. Follow with [`Parser::next_message`] until it gives nothing.
@@ -170,19 +167,7 @@ fn examine(bytes: &[u8]) -> Found {
         [] => return Found::Part,
         [START_V1 | START_V2, len, ..] if usize::from(len) > MAX_PAYLOAD => return Found::Nothing,
         [START_V1, _, _, system, component, id, ..] => (6, [system, component], u32::from(id), 0),
-        [
-            START_V2,
-            _,
-            flags,
-            _,
-            _,
-            system,
-            component,
-            id0,
-            id1,
-            id2,
-            ..,
-        ] => {
+        [START_V2, _, flags, _, _, system, component, id0, id1, id2, ..] => {
             let signature = match flags {
                 0 => 0,
                 SIGNED => SIGNATURE,
@@ -199,11 +184,9 @@ fn examine(bytes: &[u8]) -> Found {
     };
     let len = bytes.get(1).copied().map_or(0, usize::from);
     let end = header + len;
-    let (Some(summed), Some(payload), Some(&[crc0, crc1])) = (
-        bytes.get(1..end),
-        bytes.get(header..end),
-        bytes.get(end..end + 2),
-    ) else {
+    let (Some(summed), Some(payload), Some(&[crc0, crc1])) =
+        (bytes.get(1..end), bytes.get(header..end), bytes.get(end..end + 2))
+    else {
         return Found::Part;
     };
     if Checksum::of(summed, extra_crc) != u16::from_le_bytes([crc0, crc1]) {
@@ -215,12 +198,7 @@ fn examine(bytes: &[u8]) -> Found {
     }
     let target = [target_at, target_at + 1].map(|at| byte(payload, at));
     Vec::from_slice(payload).map_or(Found::Nothing, |payload| {
-        let message = Message {
-            id,
-            source,
-            target,
-            payload,
-        };
+        let message = Message { id, source, target, payload };
         Found::Whole(message, total)
     })
 }

@@ -27,12 +27,7 @@ pub(super) struct Queue {
 
 impl Queue {
     pub(super) const fn new() -> Self {
-        Self {
-            bytes: [0; QUEUE_BYTES],
-            sent: 0,
-            end: 0,
-            dropped: 0,
-        }
+        Self { bytes: [0; QUEUE_BYTES], sent: 0, end: 0, dropped: 0 }
     }
 
     /// As new, in place.
@@ -118,10 +113,7 @@ mod tests {
         while queue.push(100, Priority::Stream).is_some() {}
         assert_eq!(queue.pending().len(), 1500);
         assert_eq!(queue.dropped(), 1);
-        assert!(
-            queue.push(100, Priority::Event).is_some(),
-            "the reserve is for events"
-        );
+        assert!(queue.push(100, Priority::Event).is_some(), "the reserve is for events");
         while queue.push(100, Priority::Event).is_some() {}
         assert_eq!(queue.pending().len(), 2000);
         assert_eq!(queue.dropped(), 2);

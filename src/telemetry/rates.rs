@@ -64,11 +64,7 @@ pub(super) struct Rates([Rate; STREAMS.len()]);
 impl Rates {
     #[inline(never)]
     pub(super) const fn new() -> Self {
-        let mut rates = [Rate {
-            every: 0,
-            gone: 0,
-            wanted: false,
-        }; STREAMS.len()];
+        let mut rates = [Rate { every: 0, gone: 0, wanted: false }; STREAMS.len()];
         let (mut places, mut streams): (&mut [Rate], &[_]) = (&mut rates, &STREAMS);
         while let ([rate, other_places @ ..], [(_, default), others @ ..]) = (places, streams) {
             if let Some(every) = default {
@@ -159,14 +155,9 @@ mod tests {
     #[test]
     fn intervals_are_whole_steps_and_other_messages_keep_theirs() {
         let mut rates = Rates::new();
-        for (interval_us, count) in [
-            (20_000.0, 50),
-            (100_000.0, 10),
-            (1.0, 100),
-            (0.0, 100),
-            (-1.0, 0),
-            (1e9, 0),
-        ] {
+        for (interval_us, count) in
+            [(20_000.0, 50), (100_000.0, 10), (1.0, 100), (0.0, 100), (-1.0, 0), (1e9, 0)]
+        {
             assert!(rates.set(31, interval_us, 10_000));
             assert_eq!(sent_in_a_second(&mut rates, Stream::Attitude), count);
             assert_eq!(sent_in_a_second(&mut rates, Stream::Raw), 100);
@@ -200,13 +191,7 @@ mod tests {
     fn intervals_are_told_as_they_are() {
         let mut rates = Rates::new();
         assert!(rates.set(27, 50_000.0, 10_000));
-        for (id, interval_us) in [
-            (31, 10_000),
-            (27, 50_000),
-            (30, -1),
-            (0, 1_000_000),
-            (33, 0),
-        ] {
+        for (id, interval_us) in [(31, 10_000), (27, 50_000), (30, -1), (0, 1_000_000), (33, 0)] {
             assert_eq!(rates.interval_us(id, 10_000), interval_us, "{id}");
         }
     }

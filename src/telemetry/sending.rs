@@ -19,10 +19,7 @@ const LONGEST: usize = LOG_DATA_DATA::ENCODED_LEN;
 impl Telemetry {
     /// A STATUSTEXT, cut to the 50 characters that STATUSTEXT holds.
     pub(super) fn status_text(&mut self, severity: MavSeverity, text: fmt::Arguments<'_>) {
-        self.send_event(&STATUSTEXT_DATA {
-            severity,
-            text: CharArray::new(line(text)),
-        });
+        self.send_event(&STATUSTEXT_DATA { severity, text: CharArray::new(line(text)) });
     }
 
     /// A warning in words: a STATUSTEXT.
@@ -96,10 +93,7 @@ impl Telemetry {
 
 /// A text as its first 50 bytes, zeros behind it.
 pub(super) fn line(text: fmt::Arguments<'_>) -> [u8; 50] {
-    let mut line = Line {
-        bytes: [0; 50],
-        len: 0,
-    };
+    let mut line = Line { bytes: [0; 50], len: 0 };
     // A line that is cut reports an error; what fits is kept.
     let _ = line.write_fmt(text);
     line.bytes

@@ -81,20 +81,13 @@ fn acks(messages: &[MavMessage]) -> Vec<(MavCmd, MavResult)> {
 }
 
 fn count(messages: &[MavMessage], id: u32) -> usize {
-    messages
-        .iter()
-        .filter(|message| mavlink::Message::message_id(*message) == id)
-        .count()
+    messages.iter().filter(|message| mavlink::Message::message_id(*message) == id).count()
 }
 
 /// A frame from a ground station.
 fn from_host<D: MessageData>(data: &D) -> Vec<u8> {
     let mut raw = mavlink::MAVLinkV2MessageRaw::new();
-    let header = mavlink::MavHeader {
-        system_id: 255,
-        component_id: 190,
-        sequence: 0,
-    };
+    let header = mavlink::MavHeader { system_id: 255, component_id: 190, sequence: 0 };
     raw.serialize_message_data(header, data);
     raw.raw_bytes().to_vec()
 }
@@ -150,18 +143,14 @@ struct Link {
 
 impl Link {
     fn new(desk: Desk) -> Self {
-        let mut link = Self {
-            desk,
-            telemetry: Telemetry::default(),
-        };
+        let mut link = Self { desk, telemetry: Telemetry::default() };
         link.record_step();
         take(&mut link.telemetry);
         link
     }
 
     fn record(&mut self, snapshot: &Snapshot) {
-        self.telemetry
-            .record(snapshot, &self.desk.flight, 0, &BoardStatus::default());
+        self.telemetry.record(snapshot, &self.desk.flight, 0, &BoardStatus::default());
     }
 
     fn record_step(&mut self) {
@@ -220,12 +209,10 @@ fn angles_come_on_request_and_are_those_of_the_quaternion() {
     let answer = link.tell(&order(interval, 30.0, 1.0));
     assert_eq!(acks(&answer), [(interval, MavResult::MAV_RESULT_ACCEPTED)]);
     link.record_step();
-    let angles = take(&mut link.telemetry)
-        .into_iter()
-        .find_map(|message| match message {
-            MavMessage::ATTITUDE(m) => Some([m.roll, m.pitch, m.yaw]),
-            _ => None,
-        });
+    let angles = take(&mut link.telemetry).into_iter().find_map(|message| match message {
+        MavMessage::ATTITUDE(m) => Some([m.roll, m.pitch, m.yaw]),
+        _ => None,
+    });
     let expected = link.desk.flight.attitude().orientation.euler();
     let expected = [expected.roll_rad, expected.pitch_rad, expected.yaw_rad];
     for (angle, expected) in angles.unwrap().into_iter().zip(expected) {
@@ -250,10 +237,7 @@ fn heartbeat_and_status_come_once_a_second() {
 #[test]
 fn changes_of_state_are_told_at_once_with_their_reason() {
     let mut link = Link::new(Desk::in_standby(0.1));
-    link.desk
-        .flight
-        .command(Micros(link.desk.now_us), Command::Arm)
-        .unwrap();
+    link.desk.flight.command(Micros(link.desk.now_us), Command::Arm).unwrap();
     link.record_step();
     let messages = take(&mut link.telemetry);
     assert_eq!(texts(&messages), ["armed"]);
@@ -303,13 +287,8 @@ fn every_state_and_reason_has_its_own_number_and_fits_the_line() {
         State::Boot,
         State::Standby,
         State::Armed,
-        State::Active {
-            over_tilt_since: None,
-        },
-        State::Failsafe(Reason::Sensor(SensorFault::DeadSensor {
-            sensor: 1,
-            found: 0xFF,
-        })),
+        State::Active { over_tilt_since: None },
+        State::Failsafe(Reason::Sensor(SensorFault::DeadSensor { sensor: 1, found: 0xFF })),
         State::Failsafe(Reason::StaleData),
         State::Failsafe(Reason::InvalidAttitude),
         State::Failsafe(Reason::Tilt),
@@ -363,10 +342,7 @@ fn a_silent_host_costs_whole_frames_and_the_host_can_count_them() {
 #[test]
 fn ten_milliseconds_of_silence_and_a_parameter_list_lose_nothing() {
     let mut link = Link::new(Desk::in_standby(0.1));
-    link.tell(&from_host(&PARAM_REQUEST_LIST_DATA {
-        target_system: 1,
-        target_component: 1,
-    }));
+    link.tell(&from_host(&PARAM_REQUEST_LIST_DATA { target_system: 1, target_component: 1 }));
     for _ in 0..8 {
         link.record_step();
     }

@@ -20,10 +20,7 @@ pub struct Identity {
 
 impl Default for Identity {
     fn default() -> Self {
-        Self {
-            system: SYSTEM_ID,
-            serial: [0; 16],
-        }
+        Self { system: SYSTEM_ID, serial: [0; 16] }
     }
 }
 

@@ -1,11 +1,7 @@
 use super::*;
 
 fn timing(frame_hz: u32, i2c_khz: u32) -> Timing {
-    Timing {
-        frame_hz,
-        i2c_khz,
-        stretch_us: 180,
-    }
+    Timing { frame_hz, i2c_khz, stretch_us: 180 }
 }
 
 #[test]
@@ -19,11 +15,7 @@ fn there_are_as_many_ticks_as_the_table_says() {
     ] {
         for (i2c_khz, expected) in [(400, fast), (100, slow)] {
             let plan = TickPlan::new(&timing(frame_hz, i2c_khz));
-            let found = (
-                plan.ticks_per_frame,
-                plan.frames_per_tick,
-                plan.period_us(frame_hz),
-            );
+            let found = (plan.ticks_per_frame, plan.frames_per_tick, plan.period_us(frame_hz));
             assert_eq!(found, expected, "{frame_hz} Hz, {i2c_khz} kHz");
         }
     }
@@ -43,34 +35,16 @@ fn a_slower_sensor_is_sampled_less_often_and_a_fast_one_later() {
         (367, 9_627, 2, false),
         (368, 9_648, 1, true),
     ] {
-        let timing = Timing {
-            stretch_us,
-            ..timing(50, 400)
-        };
+        let timing = Timing { stretch_us, ..timing(50, 400) };
         let plan = TickPlan::new(&timing);
-        let found = (
-            timing.sample_lead_us(),
-            plan.ticks_per_frame,
-            timing.is_too_slow(),
-        );
+        let found = (timing.sample_lead_us(), plan.ticks_per_frame, timing.is_too_slow());
         assert_eq!(found, (lead_us, per_frame, too_slow), "{stretch_us} us");
-        let later_us = if per_frame > 1 {
-            12 * (23 + stretch_us)
-        } else {
-            0
-        };
+        let later_us = if per_frame > 1 { 12 * (23 + stretch_us) } else { 0 };
         assert_eq!(timing.lead_us(), lead_us - later_us, "{stretch_us} us");
         assert_eq!(timing.stretch_of(timing.burst_us()), stretch_us);
-        let digital = Timing {
-            frame_hz: 300,
-            ..timing
-        };
+        let digital = Timing { frame_hz: 300, ..timing };
         let frames = [2, 3, 4][3 - usize::from(per_frame)];
-        assert_eq!(
-            TickPlan::new(&digital).frames_per_tick,
-            frames,
-            "{stretch_us} us"
-        );
+        assert_eq!(TickPlan::new(&digital).frames_per_tick, frames, "{stretch_us} us");
     }
 }
 
@@ -93,21 +67,11 @@ fn bursts_are_measured_a_window_at_a_time_but_for_the_longest() {
     }
     assert_eq!(measured([6_000, 6_000]).planned_us(0), 5_600);
     assert_eq!(measured([4_400, 4_400]).planned_us(0), 4_400);
-    for (mean_us, stop_us, planned_us) in [
-        (4_500, 200, 4_500),
-        (4_500, 500, 5_100),
-        (7_900, 500, 7_950),
-        (8_000, 500, 8_000),
-    ] {
-        let times = BurstTimes {
-            mean_us,
-            max_us: mean_us,
-        };
-        assert_eq!(
-            times.planned_us(stop_us),
-            planned_us,
-            "{mean_us}, {stop_us}"
-        );
+    for (mean_us, stop_us, planned_us) in
+        [(4_500, 200, 4_500), (4_500, 500, 5_100), (7_900, 500, 7_950), (8_000, 500, 8_000)]
+    {
+        let times = BurstTimes { mean_us, max_us: mean_us };
+        assert_eq!(times.planned_us(stop_us), planned_us, "{mean_us}, {stop_us}");
     }
 }
 
@@ -134,10 +98,7 @@ fn every_tick_lies_in_its_frame() {
     for frame_hz in [50, 100, 200, 300, 333] {
         for i2c_khz in [100, 400] {
             let plan = TimerPlan::new(3, &timing(frame_hz, i2c_khz));
-            assert!(
-                plan.ticks.iter().all(|tick| *tick < plan.period),
-                "{plan:?}"
-            );
+            assert!(plan.ticks.iter().all(|tick| *tick < plan.period), "{plan:?}");
         }
     }
 }
@@ -169,10 +130,7 @@ fn a_burst_belongs_to_its_step_until_that_is_taken_without_it() {
 fn a_short_transfer_goes_between_two_bursts_if_it_is_over_before_the_next() {
     let mut tick = NewestTick::new(Micros(0));
     assert!(!tick.came(Micros(10_000), false, &timing(50, 400)));
-    let read = Transfer::Read {
-        register: 0,
-        len: 1,
-    };
+    let read = Transfer::Read { register: 0, len: 1 };
     // Four bytes of 223 us each and 200 us of reserve, 6,666 us after the tick.
     let fits = |now| tick.leaves_time_for(Micros(now), &read, &timing(50, 400), 200, 6_666);
     assert!(fits(15_573) && !fits(15_574));

@@ -93,11 +93,7 @@ pub(super) static PRODUCT_TEXT: [u8; 62] = text("tvc-nano thrust-vector control"
 ///
 /// # Panics
 /// At compile time, unless `BYTES` is what an ASCII text takes.
-#[allow(
-    clippy::indexing_slicing,
-    clippy::panic,
-    reason = "evaluated at compile time"
-)]
+#[allow(clippy::indexing_slicing, clippy::panic, reason = "evaluated at compile time")]
 const fn text<const BYTES: usize>(ascii: &str) -> [u8; BYTES] {
     let ascii = ascii.as_bytes();
     assert!(BYTES == 2 + 2 * ascii.len());

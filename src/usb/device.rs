@@ -36,11 +36,7 @@ enum Stage {
     /// Nothing is expected but a SETUP.
     Idle,
     /// The host takes data, of which `sent` bytes have been handed to the controller.
-    Sending {
-        data: Data,
-        sent: usize,
-        total: usize,
-    },
+    Sending { data: Data, sent: usize, total: usize },
     /// All has been handed over; the host ends the transfer by an empty packet.
     Sent,
     /// The host has `left` bytes more to send.

@@ -15,18 +15,12 @@ fn faults_at_random_instants_end_recovered_or_neutral() {
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
     let campaign = Campaign::new(&ready(), frame_hz, Phase::Flight, 1).unwrap();
     let (mut recovered, mut neutral) = (0, 0);
-    let sample = FaultKind::ALL.into_iter().flat_map(|kind| {
-        (0..RUNS).map(move |number| Case {
-            kind: Kind::Sensor(kind),
-            number,
-        })
-    });
+    let sample = FaultKind::ALL
+        .into_iter()
+        .flat_map(|kind| (0..RUNS).map(move |number| Case { kind: Kind::Sensor(kind), number }));
     // In these two a rate has its highest bit flipped in two bursts on end, which looks like a
     // turn.
-    let twice = [7, 27].map(|number| Case {
-        kind: Kind::Sensor(FaultKind::Spikes),
-        number,
-    });
+    let twice = [7, 27].map(|number| Case { kind: Kind::Sensor(FaultKind::Spikes), number });
     for case in sample.chain(twice) {
         let outcome = campaign.run(case).unwrap();
         match outcome.ending {
@@ -49,19 +43,11 @@ fn faults_of_a_vehicle_whose_rudder_is_held_off_its_centre_end_so_too() {
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
     let campaign = Campaign::new(&ready, frame_hz, Phase::Flight, 1).unwrap();
     let mut neutral = 0;
-    for kind in [
-        FaultKind::Unplugged,
-        FaultKind::SdaStuck,
-        FaultKind::ConfigReset,
-        FaultKind::Frozen,
-    ] {
+    for kind in
+        [FaultKind::Unplugged, FaultKind::SdaStuck, FaultKind::ConfigReset, FaultKind::Frozen]
+    {
         for number in 0..2 {
-            let outcome = campaign
-                .run(Case {
-                    kind: Kind::Sensor(kind),
-                    number,
-                })
-                .unwrap();
+            let outcome = campaign.run(Case { kind: Kind::Sensor(kind), number }).unwrap();
             match outcome.ending {
                 Ending::Recovered => {}
                 Ending::Neutral => neutral += 1,
@@ -77,15 +63,9 @@ fn faults_of_a_vehicle_whose_rudder_is_held_off_its_centre_end_so_too() {
 fn a_run_can_be_repeated() {
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
     let campaign = || Campaign::new(&ready(), frame_hz, Phase::Flight, 7).unwrap();
-    let case = Case {
-        kind: Kind::Sensor(FaultKind::BitFlips),
-        number: 3,
-    };
+    let case = Case { kind: Kind::Sensor(FaultKind::BitFlips), number: 3 };
     let (one, two) = (campaign(), campaign());
-    let _ = two.run(Case {
-        kind: Kind::Sensor(FaultKind::Spikes),
-        number: 0,
-    });
+    let _ = two.run(Case { kind: Kind::Sensor(FaultKind::Spikes), number: 0 });
     let (one, two) = (one.run(case).unwrap(), two.run(case).unwrap());
     assert_eq!(format!("{one:?}"), format!("{two:?}"));
 }
@@ -101,12 +81,7 @@ pub(crate) fn beyond_the_sensor(ready: &Ready, servo: ServoKind) {
     let (mut restarted, mut noticed, mut harmless) = (0, 0, 0);
     for kind in SystemKind::ALL {
         for number in 0..3 {
-            let outcome = campaign
-                .run(Case {
-                    kind: Kind::System(kind),
-                    number,
-                })
-                .unwrap();
+            let outcome = campaign.run(Case { kind: Kind::System(kind), number }).unwrap();
             match outcome.ending {
                 Ending::Recovered | Ending::Neutral => {}
                 Ending::Restarted => restarted += 1,
@@ -145,12 +120,7 @@ fn faults_in_every_phase_leave_the_rudder_at_neutral_and_the_stored_parameters_w
         let campaign = Campaign::new(&ready, frame_hz, phase, 1).unwrap();
         let mut restarted = 0;
         for kind in kinds {
-            let outcome = campaign
-                .run(Case {
-                    kind: Kind::System(kind),
-                    number: 0,
-                })
-                .unwrap();
+            let outcome = campaign.run(Case { kind: Kind::System(kind), number: 0 }).unwrap();
             match outcome.ending {
                 Ending::Recovered | Ending::Neutral => {}
                 Ending::Restarted => restarted += 1,

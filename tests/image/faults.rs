@@ -33,31 +33,19 @@ pub(crate) fn released(mut flight: Ready, neutral_us: &RangeInclusive<f64>) -> R
     station.release(rig, 0.2).unwrap();
     station.run(rig, ms(150)).unwrap();
     let last = rig.truth().pulses.last().unwrap();
-    assert!(
-        !neutral_us.contains(&last.width_us()),
-        "{}",
-        last.width_us()
-    );
+    assert!(!neutral_us.contains(&last.width_us()), "{}", last.width_us());
     flight
 }
 
 /// Pulses never stopped: one every 20 ms, none outside the travel.
 pub(crate) fn assert_pulses_went_on(pulses: &[Pulse], length: Ticks) {
     let expected = length.as_us_f64() / 20_000.0;
-    assert!(
-        pulses.len() as f64 > expected - 2.0,
-        "{} pulses",
-        pulses.len()
-    );
+    assert!(pulses.len() as f64 > expected - 2.0, "{} pulses", pulses.len());
     for pair in pulses.windows(2) {
         assert_eq!((pair[1].rise - pair[0].rise).as_us(), 20_000);
     }
     for pulse in pulses {
-        assert!(
-            (853.0..=2193.0).contains(&pulse.width_us()),
-            "{}",
-            pulse.width_us()
-        );
+        assert!((853.0..=2193.0).contains(&pulse.width_us()), "{}", pulse.width_us());
     }
 }
 
@@ -85,26 +73,16 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     let reason = told.iter().find(|t| t.text.starts_with("failsafe"));
     let reason = reason.unwrap_or_else(|| panic!("{fault:?}: {told:?}"));
     assert!(reason.text.contains(word), "{fault:?}: {}", reason.text);
-    assert!(
-        reason.at < at + ms(250),
-        "{fault:?}: told after {}",
-        reason.at - at
-    );
+    assert!(reason.at < at + ms(250), "{fault:?}: told after {}", reason.at - at);
     // While the fault lasts there is no way out, and never one straight to active.
     assert!(matches!(
         station.arm(rig),
-        Err(GroundStationError::Request {
-            failure: Failure::Refused { .. },
-            ..
-        })
+        Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. })
     ));
     if fault != Fault::ConfigReset {
         assert!(matches!(
             station.disarm(rig),
-            Err(GroundStationError::Request {
-                failure: Failure::Refused { .. },
-                ..
-            })
+            Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. })
         ));
     }
 
@@ -113,29 +91,17 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     rig.environment_mut().tilt_clamp_to([0.0, 0.0]);
     // The attitude and the gyro offset are found anew.
     station.run(rig, ms(8000)).unwrap();
-    assert_eq!(
-        station.state(),
-        Some(StateKind::Failsafe),
-        "{fault:?}: only the operator ends it"
-    );
+    assert_eq!(station.state(), Some(StateKind::Failsafe), "{fault:?}: only the operator ends it");
     assert!(matches!(
         station.release(rig, 0.0),
-        Err(GroundStationError::Request {
-            failure: Failure::Refused { .. },
-            ..
-        })
+        Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. })
     ));
     assert!(matches!(
         station.arm(rig),
-        Err(GroundStationError::Request {
-            failure: Failure::Refused { .. },
-            ..
-        })
+        Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. })
     ));
     station.disarm(rig).unwrap();
-    station
-        .wait_for_state(rig, ms(500), StateKind::Standby)
-        .unwrap();
+    station.wait_for_state(rig, ms(500), StateKind::Standby).unwrap();
     station.arm(rig).unwrap();
     assert!(rig.resets().is_empty());
 }
@@ -219,12 +185,7 @@ fn spikes_are_ridden_out() {
     rig.inject(Fault::Spikes { probability: 0.003 });
     rig.inject(Fault::CorruptWords { probability: 0.003 });
     station.run(rig, ms(3000)).unwrap();
-    assert_eq!(
-        station.state(),
-        Some(StateKind::Active),
-        "{:?}",
-        station.last_text()
-    );
+    assert_eq!(station.state(), Some(StateKind::Active), "{:?}", station.last_text());
     let pitch = rig.environment().vehicle().pitch_rad();
     assert!(pitch.abs() < 0.05, "{pitch}");
 }
@@ -242,39 +203,24 @@ fn a_hung_loop_is_reset_and_told() {
     assert_eq!(cause, ResetCause::System);
     let last = rig.truth().pulses.last().unwrap();
     assert!(last.fall < fired && fired - at < ms(400));
-    assert!(
-        default_neutral_us().contains(&last.width_us()),
-        "{}",
-        last.width_us()
-    );
+    assert!(default_neutral_us().contains(&last.width_us()), "{}", last.width_us());
     // The bootloader costs half a second, then pulses are back and the reason is told.
     station.run(rig, ms(600)).unwrap();
     let back = rig.truth().pulses_since(fired)[0];
     assert!(back.rise - fired < ms(600), "{}", back.rise - fired);
     assert!(default_neutral_us().contains(&back.width_us()));
     station.connect(rig).unwrap();
-    station
-        .wait_for_state(rig, ms(2000), StateKind::Latched)
-        .unwrap();
+    station.wait_for_state(rig, ms(2000), StateKind::Latched).unwrap();
     let told = station.received().texts.iter();
-    assert!(
-        told.clone()
-            .any(|t| t.at > fired && t.text.contains("latched fault")),
-        "{told:?}"
-    );
+    assert!(told.clone().any(|t| t.at > fired && t.text.contains("latched fault")), "{told:?}");
     assert!(matches!(
         station.arm(rig),
-        Err(GroundStationError::Request {
-            failure: Failure::Refused { .. },
-            ..
-        })
+        Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. })
     ));
     rig.environment_mut().catch();
     rig.environment_mut().tilt_clamp_to([0.0, 0.0]);
     station.disarm(rig).unwrap();
-    station
-        .wait_for_state(rig, ms(6000), StateKind::Standby)
-        .unwrap();
+    station.wait_for_state(rig, ms(6000), StateKind::Standby).unwrap();
 }
 
 /// The early warning outranks the interrupts of bus and frame: whichever of them hangs, the rudder
@@ -292,9 +238,7 @@ fn an_interrupt_that_hangs_does_not_hold_the_rudder() {
         station.run(rig, ms(400)).unwrap();
         let (reset, cause) = rig.resets()[0];
         assert_eq!(cause, ResetCause::System, "{handler}");
-        let pulses = rig
-            .truth()
-            .pulses_since(at + Ticks::from_us(62_500 + 20_000));
+        let pulses = rig.truth().pulses_since(at + Ticks::from_us(62_500 + 20_000));
         let before: Vec<&Pulse> = pulses.iter().filter(|pulse| pulse.fall < reset).collect();
         assert!(!before.is_empty(), "{handler}");
         for pulse in before {
@@ -311,9 +255,7 @@ fn a_brown_out_is_latched() {
     rig.brown_out();
     station.run(rig, ms(700)).unwrap();
     station.connect(rig).unwrap();
-    station
-        .wait_for_state(rig, ms(2000), StateKind::Latched)
-        .unwrap();
+    station.wait_for_state(rig, ms(2000), StateKind::Latched).unwrap();
     assert!(station.last_text().unwrap().contains("brown-out"));
 }
 
@@ -334,9 +276,7 @@ fn a_hard_fault_is_told_after_the_reset() {
         before.width_us(),
         reset - at
     );
-    station
-        .wait_for_state(rig, ms(3000), StateKind::Latched)
-        .unwrap();
+    station.wait_for_state(rig, ms(3000), StateKind::Latched).unwrap();
     let reason = format!("hard fault at {pc:#010x}");
     let told = &station.received().texts;
     assert!(told.iter().any(|t| t.text.contains(&reason)), "{told:?}");
@@ -345,9 +285,7 @@ fn a_hard_fault_is_told_after_the_reset() {
     rig.environment_mut().tilt_clamp_to([0.0, 0.0]);
     rig.power_cycle();
     station.connect(rig).unwrap();
-    station
-        .wait_for_state(rig, ms(8000), StateKind::Standby)
-        .unwrap();
+    station.wait_for_state(rig, ms(8000), StateKind::Standby).unwrap();
 }
 
 #[test]
@@ -360,9 +298,7 @@ fn a_stack_overflow_is_told_after_the_reset() {
     let (reset, _) = rig.resets()[0];
     let last = rig.truth().pulses.iter().rfind(|p| p.fall < reset).unwrap();
     assert!(default_neutral_us().contains(&last.width_us()) && reset - at < ms(400));
-    station
-        .wait_for_state(rig, ms(3000), StateKind::Latched)
-        .unwrap();
+    station.wait_for_state(rig, ms(3000), StateKind::Latched).unwrap();
     let told = &station.received().texts;
     let expected = "latched fault: self-check failed: stack overflow";
     assert!(told.iter().any(|t| t.text == expected), "{told:?}");
@@ -377,10 +313,7 @@ fn held() -> (Ready, RangeInclusive<f64>) {
     setup.parameters.push(("SRV_HOLD_DEG".into(), HOLD_DEG));
     let mut ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     // Stored, so that the run after a reset knows it as well.
-    ready
-        .station
-        .order(&mut ready.rig, client::request::SAVE)
-        .unwrap();
+    ready.station.order(&mut ready.rig, client::request::SAVE).unwrap();
     (ready, neutral_us(&params, Axis::Pitch))
 }
 
@@ -391,11 +324,7 @@ fn hang_overflow_and_hard_fault_command_the_held_neutral() {
     let (ready, neutral) = held();
     assert!(neutral.contains(&1424.0) && !default_neutral_us().contains(&1424.0));
     let flight = released(ready, &neutral);
-    for end in [
-        ProgramEnd::Hang,
-        ProgramEnd::HardFault,
-        ProgramEnd::StackOverflow,
-    ] {
+    for end in [ProgramEnd::Hang, ProgramEnd::HardFault, ProgramEnd::StackOverflow] {
         let mut flight = flight.clone();
         let Ready { rig, station, .. } = &mut flight;
         let at = rig.now();
@@ -457,20 +386,14 @@ fn a_damaged_image_is_not_started_and_leaves_the_rudder_at_neutral() {
     let pulses = rig.truth().pulses_since(at);
     assert!((28..32).contains(&pulses.len()), "{}", pulses.len());
     let neutral = default_neutral_us();
-    assert!(
-        pulses
-            .iter()
-            .all(|pulse| neutral.contains(&pulse.width_us()))
-    );
+    assert!(pulses.iter().all(|pulse| neutral.contains(&pulse.width_us())));
     assert!(rig.environment().vehicle().rudders_rad()[0].abs() < 0.02);
     rig.environment_mut().catch();
     rig.environment_mut().tilt_clamp_to([0.0, 0.0]);
     // A programmer puts the image right and resets.
     rig.chip_mut().load_flash(place, &[sound]);
     rig.press_reset();
-    station
-        .wait_for_state(rig, ms(4000), StateKind::Latched)
-        .unwrap();
+    station.wait_for_state(rig, ms(4000), StateKind::Latched).unwrap();
     // The state is told before the reason.
     station.run(rig, ms(100)).unwrap();
     let told = &station.received().texts;

@@ -30,10 +30,7 @@ fn the_pd_law_of_the_thesis_meets_its_requirements() {
         let response = flight.response(Axis::Pitch).unwrap();
         assert!(response.overshoot_pct() <= 30.0, "{start_rad}");
         let settled = response.settling_s(0.05);
-        assert!(
-            settled.is_some_and(|s| s <= 1.5),
-            "{start_rad}: {settled:?}"
-        );
+        assert!(settled.is_some_and(|s| s <= 1.5), "{start_rad}: {settled:?}");
         assert_eq!(flight.final_state, Some(StateKind::Active));
     }
 }
@@ -44,10 +41,7 @@ fn flies(setup: &Setup, settling_s: f64) {
     for start_rad in [0.2, 0.4, 0.8] {
         let flight = ready.fly(start_rad, 0.2, 3.0, &mut |_| {}).unwrap();
         let overshoot = flight.response(Axis::Pitch).unwrap().overshoot_pct();
-        assert!(
-            overshoot <= 5.0,
-            "{servo:?} from {start_rad}: {overshoot} %"
-        );
+        assert!(overshoot <= 5.0, "{servo:?} from {start_rad}: {overshoot} %");
         let settled = flight.response(Axis::Pitch).unwrap().settling_s(0.05);
         assert!(
             settled.is_some_and(|s| s <= settling_s),
@@ -59,10 +53,7 @@ fn flies(setup: &Setup, settling_s: f64) {
         let timing = flight.timing;
         assert!((timing.rate_hz - 150.0).abs() < 0.01, "{timing:?}");
         assert!(timing.jitter_us_max < 100.0, "{timing:?}");
-        assert!(
-            timing.latency_us.mean <= 8000.0 && timing.latency_us.count > 100,
-            "{timing:?}"
-        );
+        assert!(timing.latency_us.mean <= 8000.0 && timing.latency_us.count > 100, "{timing:?}");
         assert!(timing.sample_age_us.max < 10_200.0, "{timing:?}");
         // A burst that begins as the window ends has its step behind it, and the other way round.
         assert!(
@@ -120,11 +111,7 @@ fn a_rudder_that_holds_the_offset_before_the_release_settles_sooner() {
         setup.parameters.push(("SRV_HOLD_DEG".into(), hold_deg));
         let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
         let flight = ready.fly(0.2, 0.2, 3.0, &mut |_| {}).unwrap();
-        flight
-            .response(Axis::Pitch)
-            .unwrap()
-            .settling_s(0.05)
-            .unwrap()
+        flight.response(Axis::Pitch).unwrap().settling_s(0.05).unwrap()
     };
     let (found, held) = (settling_s(0.0), settling_s(-2.29));
     assert!(found <= 1.0 && held <= 0.55, "{found} {held}");
@@ -137,13 +124,7 @@ fn flies_with_the_slow_bus_of_a_long_cable() {
     setup.parameters.push(("I2C_KHZ".into(), 100.0));
     let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     let flight = ready.fly(0.4, 0.2, 3.0, &mut |_| {}).unwrap();
-    assert!(
-        flight
-            .response(Axis::Pitch)
-            .unwrap()
-            .settling_s(0.05)
-            .is_some_and(|s| s <= 0.9)
-    );
+    assert!(flight.response(Axis::Pitch).unwrap().settling_s(0.05).is_some_and(|s| s <= 0.9));
     let timing = flight.timing;
     assert!((timing.rate_hz - 100.0).abs() < 0.01, "{timing:?}");
     assert!(timing.jitter_us_max < 100.0, "{timing:?}");
@@ -158,13 +139,7 @@ fn flies_with_synchronisation_held() {
     setup.rig.hardware.chip.syncbusy_hold = SyncHold::For(Ticks::from_us(10));
     let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     let flight = ready.fly(0.4, 0.2, 3.0, &mut |_| {}).unwrap();
-    assert!(
-        flight
-            .response(Axis::Pitch)
-            .unwrap()
-            .settling_s(0.05)
-            .is_some_and(|s| s <= 0.9)
-    );
+    assert!(flight.response(Axis::Pitch).unwrap().settling_s(0.05).is_some_and(|s| s <= 0.9));
     let violations = ready.rig.chip().peripherals().violations();
     assert_eq!(violations.count(), 0, "{violations:?}");
 }
@@ -180,10 +155,7 @@ fn wait_states_cost_cycles_and_change_nothing_else() {
         assert!(flight.cpu_load < 0.6, "{}", flight.cpu_load);
         cycles.push(flight.timing.cycles_per_step.mean);
     }
-    assert!(
-        cycles[0] < cycles[1] && cycles[1] < 2.0 * cycles[0],
-        "{cycles:?}"
-    );
+    assert!(cycles[0] < cycles[1] && cycles[1] < 2.0 * cycles[0], "{cycles:?}");
 }
 
 #[test]
@@ -199,12 +171,8 @@ fn the_same_seed_gives_the_same_bytes() {
     let once = listen(ready());
     assert!(once.len() > 4000, "{} bytes in half a second", once.len());
     assert!(once == listen(ready()), "two forks differ");
-    let again = prepare(
-        firmware(),
-        &Setup::with_polarity(ServoKind::S3003, 1),
-        &mut |_| {},
-    )
-    .unwrap();
+    let again =
+        prepare(firmware(), &Setup::with_polarity(ServoKind::S3003, 1), &mut |_| {}).unwrap();
     assert!(once == listen(again), "two boots differ");
 }
 
@@ -263,10 +231,7 @@ fn parameters_are_told_changed_and_refused() {
         matches!(
             error,
             GroundStationError::Request {
-                failure: Failure::Kept {
-                    kept: Parameter { value: 1.5, .. },
-                    ..
-                },
+                failure: Failure::Kept { kept: Parameter { value: 1.5, .. }, .. },
                 ..
             }
         ),
@@ -274,17 +239,9 @@ fn parameters_are_told_changed_and_refused() {
     );
     assert!(station.last_text().unwrap().contains("PID_KP"));
     station.arm(rig).unwrap();
-    let error = station
-        .set_parameter(rig, "SRV_RATE_HZ", 300.0)
-        .unwrap_err();
+    let error = station.set_parameter(rig, "SRV_RATE_HZ", 300.0).unwrap_err();
     assert!(
-        matches!(
-            error,
-            GroundStationError::Request {
-                failure: Failure::Kept { .. },
-                ..
-            }
-        ),
+        matches!(error, GroundStationError::Request { failure: Failure::Kept { .. }, .. }),
         "{error}"
     );
 }

@@ -24,19 +24,13 @@ fn latency_of_a_flight(hardware: &str) -> f64 {
     let settled = flight.response(Axis::Pitch).unwrap().settling_s(0.05);
     let timing = flight.timing;
     assert!(overshoot <= 5.0, "{hardware}: overshoot {overshoot} %");
-    assert!(
-        settled.is_some_and(|s| s <= 0.75),
-        "{hardware}: {settled:?}"
-    );
+    assert!(settled.is_some_and(|s| s <= 0.75), "{hardware}: {settled:?}");
     assert_eq!(flight.final_state, Some(StateKind::Active), "{hardware}");
     assert!(timing.rate_hz > 99.99, "{hardware}: {timing:?}");
     // A verification with two rare bytes lasts into the next tick, which then goes without its
     // burst.
     let may_miss = hardware.contains("stretch-rare") && timing.bursts + 1 == timing.steps;
-    assert!(
-        timing.jitter_us_max < 100.0 || may_miss,
-        "{hardware}: {timing:?}"
-    );
+    assert!(timing.jitter_us_max < 100.0 || may_miss, "{hardware}: {timing:?}");
     assert_eq!(flight.missing, Missing::default(), "{hardware}");
     timing.latency_us.mean
 }
@@ -73,10 +67,7 @@ fn settings_are_verified_on_a_slow_bus() {
         station.run(rig, ms(300)).unwrap();
         assert_eq!(station.state(), Some(StateKind::Failsafe), "{hardware}");
         for pulse in rig.truth().pulses_since(at + ms(150)) {
-            assert!(
-                default_neutral_us().contains(&pulse.width_us()),
-                "{hardware}: {pulse:?}"
-            );
+            assert!(default_neutral_us().contains(&pulse.width_us()), "{hardware}: {pulse:?}");
         }
     }
 }
@@ -125,8 +116,5 @@ fn pulses_are_right_without_usb_once_a_host_has_been_there() {
     let never = neutral_without_host_us(None);
     assert!(never > 1.02 * with_host_us, "{never} us");
     let kept = neutral_without_host_us(Some(learned));
-    assert!(
-        (kept / with_host_us - 1.0).abs() < 2e-3,
-        "{kept} us of {with_host_us}"
-    );
+    assert!((kept / with_host_us - 1.0).abs() < 2e-3, "{kept} us of {with_host_us}");
 }

@@ -39,10 +39,7 @@ fn assert_undisturbed(mut host: impl FnMut(u64, &mut rig::Rig)) {
     }
     let timing = LoopTiming::over(rig.truth(), begin..rig.now());
     assert!(timing.jitter_us_max < JITTER_US, "{timing:?}");
-    assert!(
-        timing.bursts as u64 >= LENGTH.as_us() / 10_000 - 2,
-        "{timing:?}"
-    );
+    assert!(timing.bursts as u64 >= LENGTH.as_us() / 10_000 - 2, "{timing:?}");
     assert_eq!(rig.resets(), []);
     assert!(rig.environment().vehicle().pitch_rad().abs() < 0.2);
     // A host that behaves is served as before.

@@ -33,12 +33,7 @@ fn ready() -> Ready {
     static READY: OnceLock<Ready> = OnceLock::new();
     READY
         .get_or_init(|| {
-            prepare(
-                firmware(),
-                &Setup::with_polarity(ServoKind::S3003, 1),
-                &mut |_| {},
-            )
-            .unwrap()
+            prepare(firmware(), &Setup::with_polarity(ServoKind::S3003, 1), &mut |_| {}).unwrap()
         })
         .clone()
 }

@@ -42,9 +42,7 @@ fn saved_parameters_outlive_the_power_and_the_pulses_go_on_meanwhile() {
     assert!(pulses.iter().all(|p| neutral.contains(&p.width_us())));
     assert_eq!(station.state(), Some(StateKind::Standby));
     assert_eq!(gain_after_power_cut(rig, station), 1.75);
-    station
-        .wait_for_state(rig, ms(8000), StateKind::Standby)
-        .unwrap();
+    station.wait_for_state(rig, ms(8000), StateKind::Standby).unwrap();
 }
 
 /// Clients find the vehicle by the number that its frames have, and it obeys orders to that number.
@@ -65,9 +63,7 @@ fn a_vehicle_has_its_new_number_from_the_next_start_on() {
     rig.power_cycle();
     station.connect(rig).unwrap();
     assert_eq!(systems(rig), [7]);
-    station
-        .wait_for_state(rig, ms(8000), StateKind::Standby)
-        .unwrap();
+    station.wait_for_state(rig, ms(8000), StateKind::Standby).unwrap();
     station.disarm(rig).unwrap();
 }
 
@@ -122,27 +118,15 @@ fn corrupt_rows_are_told_and_nothing_is_armed_until_the_operator_has_seen_it() {
     }
     let default = tvc_nano::Params::default().pid_kp();
     assert_eq!(gain_after_power_cut(rig, station), default);
-    station
-        .wait_for_state(rig, ms(2000), StateKind::Latched)
-        .unwrap();
+    station.wait_for_state(rig, ms(2000), StateKind::Latched).unwrap();
     let texts = station.received().texts.iter();
-    assert!(
-        texts
-            .clone()
-            .any(|t| t.text.contains("stored parameters lost")),
-        "{texts:?}"
-    );
+    assert!(texts.clone().any(|t| t.text.contains("stored parameters lost")), "{texts:?}");
     assert!(matches!(
         station.arm(rig),
-        Err(GroundStationError::Request {
-            failure: Failure::Refused { .. },
-            ..
-        })
+        Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. })
     ));
     station.disarm(rig).unwrap();
-    station
-        .wait_for_state(rig, ms(8000), StateKind::Standby)
-        .unwrap();
+    station.wait_for_state(rig, ms(8000), StateKind::Standby).unwrap();
 }
 
 #[test]
@@ -155,10 +139,7 @@ fn nothing_is_saved_while_armed() {
     assert!(
         matches!(
             refused,
-            Err(GroundStationError::Request {
-                failure: Failure::Refused { .. },
-                ..
-            })
+            Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. })
         ),
         "{refused:?}"
     );
@@ -184,10 +165,7 @@ fn a_parameter_that_changes_in_flight_costs_no_tick() {
         }
     }
     let timing = LoopTiming::over(rig.truth(), from..rig.now());
-    assert!(
-        timing.bursts > 30 && timing.jitter_us_max < 100.0,
-        "{timing:?}"
-    );
+    assert!(timing.bursts > 30 && timing.jitter_us_max < 100.0, "{timing:?}");
     assert!(timing.steps.abs_diff(timing.bursts) <= 1, "{timing:?}");
     assert_eq!(station.state(), Some(StateKind::Active));
 }

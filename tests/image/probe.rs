@@ -10,10 +10,7 @@ const RAM_START: u32 = 0x2000_0000;
 
 pub(crate) fn image(features: &[&str]) -> Image {
     let tree = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let source = Source {
-        features,
-        ..Source::firmware(tree)
-    };
+    let source = Source { features, ..Source::firmware(tree) };
     Builder::new(&mut |line| eprintln!("{line}"))
         .and_then(|builder| builder.build(&source))
         .unwrap_or_else(|error| panic!("{error}"))

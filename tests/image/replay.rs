@@ -18,10 +18,6 @@ fn attitude_from_a_real_recording() {
     assert!(score.samples > 5000, "{score:?}");
     assert_eq!(record.unmatched, 0);
     assert!(record.parity.compared > 6000, "{:?}", record.parity);
-    assert_eq!(
-        record.parity.equal, record.parity.compared,
-        "{:?}",
-        record.parity
-    );
+    assert_eq!(record.parity.equal, record.parity.compared, "{:?}", record.parity);
     assert_eq!((record.link.lost, record.link.crc_errors), (0, 0));
 }

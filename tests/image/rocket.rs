@@ -99,10 +99,7 @@ fn cascade_and_constant_gains_fly_too() {
 #[test]
 fn the_accelerometer_left_in_loses_the_rocket() {
     let left_in = [("FUSE_ACC", 1.0)];
-    let flight = fly(
-        &on_pad(Airframe::Stable, RocketLaw::Scheduled, &left_in),
-        40.0,
-    );
+    let flight = fly(&on_pad(Airframe::Stable, RocketLaw::Scheduled, &left_in), 40.0);
     assert!(error_deg(&flight, 20.0..40.0) > 10.0);
     // The estimator trusts the accelerometer, and does not know.
     let told = flight.received.tilt_sd_deg.last();
@@ -126,8 +123,5 @@ fn a_rocket_without_a_sensor_is_not_steered() {
     let late = pulses.filter(|pulse| seconds(&flight, pulse.rise) > 10.1);
     let late: Vec<f64> = late.map(|pulse| pulse.width_us()).collect();
     assert!(late.len() > 60);
-    assert!(
-        late.iter().all(|us| (us - ZERO_RUDDER_US).abs() <= 1.0),
-        "{late:?}"
-    );
+    assert!(late.iter().all(|us| (us - ZERO_RUDDER_US).abs() <= 1.0), "{late:?}");
 }

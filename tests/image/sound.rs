@@ -58,10 +58,7 @@ fn a_sound_run_can_be_repeated() {
         sound.length = Some(Ticks::from_ms(500));
         sound.run(SoundKind::Knocks, 7)
     };
-    assert_eq!(
-        format!("{:?}", run().unwrap()),
-        format!("{:?}", run().unwrap())
-    );
+    assert_eq!(format!("{:?}", run().unwrap()), format!("{:?}", run().unwrap()));
 }
 
 /// The judge sees what a sensor that is not sound does: refused bursts and steps without one, a
@@ -78,9 +75,7 @@ fn a_vehicle_that_is_not_sound_has_alarms() {
             _ => panic!("{fault:?}: {outcome:?}"),
         }
     };
-    let Alarms {
-        refused, failsafes, ..
-    } = of(Phase::Flight, Fault::GyroDead);
+    let Alarms { refused, failsafes, .. } = of(Phase::Flight, Fault::GyroDead);
     assert!(refused > 0 && failsafes == 1, "{refused} {failsafes}");
     let Alarms { refused, lost, .. } = of(Phase::Flight, Fault::Naks { probability: 3e-3 });
     assert!(lost > 0 && refused == 0, "{lost} {refused}");

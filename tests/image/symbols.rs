@@ -48,12 +48,8 @@ fn is_of_floats(name: &str) -> bool {
 
 /// The same for arithmetic on 64 bits.
 fn is_of_64_bits(name: &str) -> bool {
-    let arm = [
-        "lmul", "ldivmod", "uldivmod", "llsl", "llsr", "lasr", "lcmp", "ulcmp",
-    ];
-    let eabi = name
-        .strip_prefix("__aeabi_")
-        .is_some_and(|rest| arm.contains(&rest));
+    let arm = ["lmul", "ldivmod", "uldivmod", "llsl", "llsr", "lasr", "lcmp", "ulcmp"];
+    let eabi = name.strip_prefix("__aeabi_").is_some_and(|rest| arm.contains(&rest));
     eabi || is_builtin(name, &["di"])
 }
 
@@ -63,9 +59,7 @@ fn is_builtin(name: &str, kinds: &[&str]) -> bool {
         "neg", "ashl", "ashr", "lshr",
     ];
     builtins.iter().any(|operation| {
-        kinds
-            .iter()
-            .any(|kind| name.contains(&format!("__{operation}")) && name.contains(kind))
+        kinds.iter().any(|kind| name.contains(&format!("__{operation}")) && name.contains(kind))
     })
 }
 
@@ -135,19 +129,13 @@ const OF_PANICS: [&str; 7] = [
 
 fn panics(image: &Image) -> Vec<&str> {
     let is_one = |name: &&str| OF_PANICS.iter().any(|part| name.contains(part));
-    image
-        .symbols()
-        .map(|(name, _)| name)
-        .filter(is_one)
-        .collect()
+    image.symbols().map(|(name, _)| name).filter(is_one).collect()
 }
 
 /// Whether `text` stands in what goes into flash.
 fn holds(image: &Image, text: &str) -> bool {
     let bytes = image.bytes();
-    bytes
-        .windows(text.len())
-        .any(|window| window == text.as_bytes())
+    bytes.windows(text.len()).any(|window| window == text.as_bytes())
 }
 
 /// The handler of panics is called by nothing: it is not linked, and neither is any function that

@@ -33,11 +33,7 @@ fn ready() -> Ready {
 }
 
 fn tilted(pitch_rad: f64, roll_rad: f64, spin_rad_s: f64) -> Release {
-    Release {
-        tilt_rad: [pitch_rad, roll_rad],
-        rate_rad_s: 0.2,
-        spin_rad_s,
-    }
+    Release { tilt_rad: [pitch_rad, roll_rad], rate_rad_s: 0.2, spin_rad_s }
 }
 
 #[test]
@@ -89,11 +85,7 @@ fn both_pulses_rise_with_the_frame_and_neither_is_missing() {
     for (pitch, roll) in pitch.iter().zip(roll) {
         assert_eq!(pitch.rise, roll.rise);
         for pulse in [pitch, roll] {
-            assert!(
-                (pulse.width_us() - 1524.0).abs() < 0.1,
-                "{}",
-                pulse.width_us()
-            );
+            assert!((pulse.width_us() - 1524.0).abs() < 0.1, "{}", pulse.width_us());
         }
     }
 }
@@ -166,10 +158,7 @@ fn assert_at_neutral(rig: &Rig, from: Ticks, time: Ticks) {
         let since: Vec<_> = pulses.iter().filter(|pulse| pulse.rise >= from).collect();
         let frames = time.as_us_f64() / 20e3;
         assert!((since.len() as f64 - frames).abs() <= 1.0, "{axis:?}");
-        assert!(
-            since.iter().all(|p| (p.width_us() - 1524.0).abs() < 0.1),
-            "{axis:?}"
-        );
+        assert!(since.iter().all(|p| (p.width_us() - 1524.0).abs() < 0.1), "{axis:?}");
     }
 }
 
@@ -180,13 +169,7 @@ fn nothing_is_armed_before_the_second_rudder_has_been_seen_to_answer() {
     station.set_parameter(rig, "SRV2_POLARITY", 0.0).unwrap();
     let refused = station.arm(rig).unwrap_err();
     assert!(
-        matches!(
-            refused,
-            GroundStationError::Request {
-                failure: Failure::Refused { .. },
-                ..
-            }
-        ),
+        matches!(refused, GroundStationError::Request { failure: Failure::Refused { .. }, .. }),
         "{refused}"
     );
     let unseen = station.set_parameter(rig, "SRV2_POLARITY", 1.0);

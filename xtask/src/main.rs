@@ -41,9 +41,7 @@ fn main() -> ExitCode {
     };
     if !target.as_ref().is_some_and(is_built) {
         eprintln!("building {program}; the first time this takes some minutes");
-        let flies = env::args_os()
-            .nth(2)
-            .is_some_and(|command| command == "fly");
+        let flies = env::args_os().nth(2).is_some_and(|command| command == "fly");
         let image = flies.then(|| thread::spawn(build_image));
         let built = status(&mut cargo_command("build"));
         if let Some(image) = image {
@@ -79,15 +77,7 @@ fn build_image() {
 fn cargo_command(cargo: &OsStr, verb: &str, program: &str, package: &str) -> Command {
     let mut command = Command::new(cargo);
     // The image is built from the sources beside the tool, and no second time into it.
-    command.args([
-        verb,
-        "--profile",
-        PROFILE,
-        "--package",
-        package,
-        "--bin",
-        program,
-    ]);
+    command.args([verb, "--profile", PROFILE, "--package", package, "--bin", program]);
     command.env("TVC_IMAGE", "none");
     command
 }
@@ -114,10 +104,7 @@ fn become_one(command: &mut Command) -> ExitCode {
 /// Runs `command` and gives the exit status, 1 where there is none.
 fn status(command: &mut Command) -> u8 {
     match command.status() {
-        Ok(status) => status
-            .code()
-            .and_then(|code| u8::try_from(code).ok())
-            .unwrap_or(1),
+        Ok(status) => status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1),
         Err(error) => {
             cannot_run(command, &error);
             1

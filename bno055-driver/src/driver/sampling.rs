@@ -49,19 +49,12 @@ pub(super) enum Errand {
 
 impl Sampling {
     pub(super) fn new(inspector: Inspector) -> Self {
-        Self {
-            inspector,
-            ..Self::default()
-        }
+        Self { inspector, ..Self::default() }
     }
 
     /// The check that the next verification makes.
     pub(super) fn check(&self) -> Check {
-        if self.in_doubt {
-            Check::Identity
-        } else {
-            self.check
-        }
+        if self.in_doubt { Check::Identity } else { self.check }
     }
 
     /// A register read right. As long as the bus is in doubt, every other verification reads the

@@ -91,10 +91,7 @@ pub(crate) enum Evidence {
 impl Inspector {
     /// For the same chip after another set-up: its refresh rate is known.
     pub(crate) fn anew(&self) -> Self {
-        Self {
-            still: self.still.anew(),
-            ..Self::default()
-        }
+        Self { still: self.still.anew(), ..Self::default() }
     }
 
     /// Whether a burst of the rates alone can be judged: a good burst before has the other words.
@@ -112,11 +109,7 @@ impl Inspector {
         behind_failure: bool,
     ) -> Result<Judged, SensorFault> {
         let whole = bytes.len() != usize::from(RATES) || rates_burst(config.mode).is_none();
-        let now = if whole {
-            words(config.mode, bytes)
-        } else {
-            self.with_rates(bytes)
-        };
+        let now = if whole { words(config.mode, bytes) } else { self.with_rates(bytes) };
         let now = now.ok_or(SensorFault::Protocol)?;
         let fresh = self.last != Some(now);
         let moves = match self.last.replace(now) {
@@ -130,17 +123,8 @@ impl Inspector {
             return Err(fault);
         }
         let Words([acc, mag, gyr]) = now;
-        let mut sample = RawSample {
-            time,
-            acc,
-            mag,
-            gyr,
-        };
-        let jump = if behind_failure {
-            DISTURBED_JUMP
-        } else {
-            RATE_JUMP
-        };
+        let mut sample = RawSample { time, acc, mag, gyr };
+        let jump = if behind_failure { DISTURBED_JUMP } else { RATE_JUMP };
         let is_confirmed = held.is_some_and(|held| !moved(&held, &sample.gyr, jump));
         let mut is_suspect = held.is_some() && !is_confirmed && !behind_failure;
         let mut cleared = false;
@@ -158,12 +142,7 @@ impl Inspector {
             (false, true) => Evidence::Sound,
             (false, false) => Evidence::Little,
         };
-        Ok(Judged {
-            sample,
-            fresh,
-            evidence,
-            cleared,
-        })
+        Ok(Judged { sample, fresh, evidence, cleared })
     }
 
     /// The fault of the first rule that a burst breaks, after the last `good` burst if that is
@@ -259,9 +238,7 @@ struct Ones {
 
 impl Default for Ones {
     fn default() -> Self {
-        Self {
-            from: Words([[-1; 3]; 3]),
-        }
+        Self { from: Words([[-1; 3]; 3]) }
     }
 }
 

@@ -32,21 +32,14 @@ pub(super) struct Still {
 
 impl Default for Still {
     fn default() -> Self {
-        Self {
-            since: None,
-            bursts: 0,
-            mean_us: SLOWEST_US,
-        }
+        Self { since: None, bursts: 0, mean_us: SLOWEST_US }
     }
 }
 
 impl Still {
     /// Of the same sensor, for the next burst.
     pub(super) fn anew(&self) -> Self {
-        Self {
-            since: None,
-            ..*self
-        }
+        Self { since: None, ..*self }
     }
 
     /// Takes whether the words of a burst at `time` differ from the words before.

@@ -34,9 +34,8 @@ fn verdict(burst: [i16; 9]) -> Option<SensorFault> {
 
 #[test]
 fn a_sample_by_hand() {
-    let judged = Inspector::default()
-        .judge(&Config::default(), Micros(5), &bytes(REST), false)
-        .unwrap();
+    let judged =
+        Inspector::default().judge(&Config::default(), Micros(5), &bytes(REST), false).unwrap();
     assert!(judged.fresh);
     let sample = judged.sample;
     assert_eq!((sample.time, sample.acc), (Micros(5), [3, -2, 981]));
@@ -66,17 +65,9 @@ fn each_mode_reads_its_sensors_in_one_burst() {
     for (mode, expected) in spans {
         assert_eq!(span(mode), expected, "{mode:?}");
     }
-    let config = Config {
-        mode: Mode::MagGyr,
-        ..Config::default()
-    };
-    let judged = Inspector::default()
-        .judge(&config, Micros(0), &bytes(REST)[6..], false)
-        .unwrap();
-    assert_eq!(
-        (judged.sample.acc, judged.sample.mag),
-        ([0; 3], [320, -90, 640])
-    );
+    let config = Config { mode: Mode::MagGyr, ..Config::default() };
+    let judged = Inspector::default().judge(&config, Micros(0), &bytes(REST)[6..], false).unwrap();
+    assert_eq!((judged.sample.acc, judged.sample.mag), ([0; 3], [320, -90, 640]));
     assert_eq!(
         Inspector::default().judge(&config, Micros(0), &bytes(REST), false),
         Err(SensorFault::Protocol)
@@ -87,10 +78,7 @@ fn each_mode_reads_its_sensors_in_one_burst() {
 fn zeros_are_a_reset_only_where_all_is_zero() {
     assert_eq!(verdict([0; 9]), Some(SensorFault::AllZero));
     // A magnetometer may hold its last value longer than the others.
-    assert_eq!(
-        verdict([0, 0, 0, 320, -90, 640, 0, 0, 0]),
-        Some(SensorFault::AllZero)
-    );
+    assert_eq!(verdict([0, 0, 0, 320, -90, 640, 0, 0, 0]), Some(SensorFault::AllZero));
     assert_eq!(verdict(with(&[(6, 0), (7, 0), (8, 0)])), None);
     assert_eq!(verdict(with(&[(0, 0), (1, 0), (2, 0)])), None, "free fall");
     assert_eq!(
@@ -125,36 +113,19 @@ fn a_sensor_does_not_vanish_in_one_refresh() {
     assert_eq!(verdict_behind(REST, gone(6, -1)), None);
     assert_eq!(verdict_behind(REST, gone(6, 0)), None);
     let falling = with(&[(2, 150)]);
-    assert_eq!(
-        verdict_behind(falling, with(&[(0, -1), (1, -1), (2, -1)])),
-        None
-    );
+    assert_eq!(verdict_behind(falling, with(&[(0, -1), (1, -1), (2, -1)])), None);
     // An optional magnetometer may stop measuring.
-    let config = Config {
-        needs_mag: false,
-        ..Config::default()
-    };
+    let config = Config { needs_mag: false, ..Config::default() };
     assert_eq!(verdicts(&config, &[turning, gone(3, 0)]), [None; 2]);
     // Fusion removes offset and noise.
-    let fusion = Config {
-        mode: Mode::Ndof,
-        ..Config::default()
-    };
+    let fusion = Config { mode: Mode::Ndof, ..Config::default() };
     assert_eq!(verdicts(&fusion, &[turning, gone(6, 0)]), [None; 2]);
     // After a gap the last value says nothing.
     let mut inspector = Inspector::default();
     let config = Config::default();
-    assert!(
-        inspector
-            .judge(&config, Micros(0), &bytes(turning), false)
-            .is_ok()
-    );
+    assert!(inspector.judge(&config, Micros(0), &bytes(turning), false).is_ok());
     let later = Micros(STEP_AGE_US + 1);
-    assert!(
-        inspector
-            .judge(&config, later, &bytes(gone(6, 0)), false)
-            .is_ok()
-    );
+    assert!(inspector.judge(&config, later, &bytes(gone(6, 0)), false).is_ok());
 }
 
 /// Samples of accepted bursts, 10 ms apart: the rates, and whether the burst is suspect.
@@ -165,9 +136,7 @@ fn believed(bursts: &[[i16; 9]]) -> Vec<([i16; 3], bool)> {
         .map(|(tick, burst)| {
             let time = Micros(tick * 10_000);
             let judged = inspector.judge(&Config::default(), time, &bytes(*burst), false);
-            let Judged {
-                sample, evidence, ..
-            } = judged.unwrap();
+            let Judged { sample, evidence, .. } = judged.unwrap();
             (sample.gyr, evidence == Evidence::Suspect)
         })
         .collect()
@@ -209,10 +178,7 @@ fn words_of_ones_are_suspect_where_the_sensor_was_elsewhere() {
     for word in [2, 3, 4, 5] {
         let ones = with(&[(word, -1)]);
         // A word that stays at -1 is suspect once.
-        assert_eq!(
-            suspects(&[REST, ones, ones, REST]),
-            [false, true, false, false]
-        );
+        assert_eq!(suspects(&[REST, ones, ones, REST]), [false, true, false, false]);
     }
     for (word, near) in [(0, 199), (4, 79), (7, -65)] {
         let burst = |value| with(&[(word, value)]);
@@ -234,12 +200,7 @@ fn rates_that_jump_are_held_for_a_burst() {
     let rates = |x| [x, -4, 2];
     // A spike never comes out, and is suspect once it is over.
     let spike = [burst(10), burst(4_500), burst(12), burst(11)];
-    let out = [
-        (rates(10), false),
-        (rates(10), false),
-        (rates(12), true),
-        (rates(11), false),
-    ];
+    let out = [(rates(10), false), (rates(10), false), (rates(12), true), (rates(11), false)];
     assert_eq!(believed(&spike), out);
     // A real jump comes a burst late; the same words again confirm it, too.
     for next in [4_500, 4_900, 900] {
@@ -249,12 +210,7 @@ fn rates_that_jump_are_held_for_a_burst() {
     }
     // Two spikes to different places: neither comes out.
     let spikes = [burst(10), burst(8_200), burst(-8_100), burst(9)];
-    let out = [
-        (rates(10), false),
-        (rates(10), false),
-        (rates(10), true),
-        (rates(9), true),
-    ];
+    let out = [(rates(10), false), (rates(10), false), (rates(10), true), (rates(9), true)];
     assert_eq!(believed(&spikes), out);
     // So is a rate of -1, which 0xFFFF on the wire is.
     let through = [burst(95), burst(-1), burst(-116)];
@@ -293,19 +249,13 @@ fn rates_that_stand_still_for_several_refreshes_are_dead() {
         assert_eq!(dead_after_us(&config, period_us, u64::MAX), None);
     }
     let quiet = Config {
-        sensors: Sensors {
-            gyr_bandwidth: GyrBandwidth::Hz12,
-            ..Sensors::default()
-        },
+        sensors: Sensors { gyr_bandwidth: GyrBandwidth::Hz12, ..Sensors::default() },
         ..Config::default()
     };
     let after_us = dead_after_us(&quiet, 10_000, 20_000_000).unwrap();
     assert!((80_000..100_000).contains(&after_us), "{after_us}");
     // Fusion removes offset and noise, and a rate of zero may stand: all words count.
-    let fusion = Config {
-        mode: Mode::Ndof,
-        ..Config::default()
-    };
+    let fusion = Config { mode: Mode::Ndof, ..Config::default() };
     assert_eq!(dead_after_us(&fusion, 10_000, 1_000_000), None);
 }
 
@@ -331,20 +281,10 @@ fn limits_follow_range_and_unit() {
     // 8 g and 2000 deg/s, each and a sixty-fourth.
     limit(&Config::default(), 2, 7970);
     limit(&Config::default(), 7, 32_500);
-    let narrow = Sensors {
-        acc_range: AccRange::G2,
-        gyr_range: GyrRange::Dps250,
-        ..Sensors::default()
-    };
-    let units = Units {
-        acc: AccUnit::MilliG,
-        ..Units::default()
-    };
-    let config = Config {
-        sensors: narrow,
-        units,
-        ..Config::default()
-    };
+    let narrow =
+        Sensors { acc_range: AccRange::G2, gyr_range: GyrRange::Dps250, ..Sensors::default() };
+    let units = Units { acc: AccUnit::MilliG, ..Units::default() };
+    let config = Config { sensors: narrow, units, ..Config::default() };
     limit(&config, 0, 2031);
     limit(&config, 6, 4062);
 }
@@ -354,10 +294,7 @@ fn limits_follow_range_and_unit() {
 #[test]
 fn with_half_the_range_no_flipped_highest_bit_is_taken_for_a_rate() {
     let config = Config {
-        sensors: Sensors {
-            gyr_range: GyrRange::Dps1000,
-            ..Sensors::default()
-        },
+        sensors: Sensors { gyr_range: GyrRange::Dps1000, ..Sensors::default() },
         ..Config::default()
     };
     for rate in (-16_000..=16_000).step_by(50) {
@@ -366,11 +303,7 @@ fn with_half_the_range_no_flipped_highest_bit_is_taken_for_a_rate() {
         let again = with(&[(0, 9), (7, (rate + 7) ^ i16::MIN)]);
         assert_eq!(
             verdicts(&config, &[good, flipped, again]),
-            [
-                None,
-                Some(SensorFault::Implausible),
-                Some(SensorFault::Implausible)
-            ],
+            [None, Some(SensorFault::Implausible), Some(SensorFault::Implausible)],
             "{rate}"
         );
     }
@@ -406,10 +339,7 @@ fn rates_alone_come_with_the_other_words_of_the_good_burst_before() {
     let torn = judge(&mut inspector, 3, &bytes(with(&[(0, i16::MAX)])));
     assert_eq!(torn, Err(SensorFault::Implausible));
     let alone = judge(&mut inspector, 4, &rates(REST)).unwrap();
-    assert_eq!(
-        (alone.sample.acc, alone.sample.gyr),
-        ([3, -2, 981], [1, -4, 2])
-    );
+    assert_eq!((alone.sample.acc, alone.sample.gyr), ([3, -2, 981], [1, -4, 2]));
     assert_eq!(alone.evidence, Evidence::Little);
 }
 
@@ -424,11 +354,7 @@ fn rates_alone_are_judged_as_those_of_a_whole_burst() {
     for (before, [x, y, z], fault) in cases {
         let mut inspector = Inspector::default();
         let config = Config::default();
-        assert!(
-            inspector
-                .judge(&config, Micros(0), &bytes(before), false)
-                .is_ok()
-        );
+        assert!(inspector.judge(&config, Micros(0), &bytes(before), false).is_ok());
         let mut after = before;
         (after[6], after[7], after[8]) = (x, y, z);
         let judged = inspector.judge(&config, Micros(6_667), &rates(after), false);

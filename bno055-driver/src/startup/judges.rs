@@ -23,10 +23,7 @@ pub(super) fn identify(bytes: &[u8], config: &Config, identity: &mut Identity) -
         return Verdict::Fail(fault);
     }
     if page != 0 {
-        return Verdict::Fail(SensorFault::Configuration {
-            register: reg::PAGE_ID,
-            found: page,
-        });
+        return Verdict::Fail(SensorFault::Configuration { register: reg::PAGE_ID, found: page });
     }
     identity.software = u16::from_le_bytes([low, high]);
     identity.bootloader = bootloader;
@@ -38,10 +35,7 @@ pub(super) fn await_mode(bytes: &[u8], mode: u8, next: SetupStep) -> Verdict {
     if found == mode {
         return Verdict::Go(next, 0);
     }
-    let fault = SensorFault::Configuration {
-        register: reg::OPR_MODE,
-        found,
-    };
+    let fault = SensorFault::Configuration { register: reg::OPR_MODE, found };
     Verdict::Again(5_000, 100_000, fault)
 }
 
@@ -77,10 +71,7 @@ pub(super) fn diagnose(bytes: &[u8], config: &Config) -> Verdict {
         return Verdict::Fail(SensorFault::SelfTest { result });
     }
     let (mode, sensors) = (config.mode, &config.sensors);
-    match config
-        .profile
-        .and_then(|profile| profile.wrong_register(mode, sensors))
-    {
+    match config.profile.and_then(|profile| profile.wrong_register(mode, sensors)) {
         Some(register) => Verdict::Fail(SensorFault::Profile { register }),
         None => Verdict::Go(SetupStep::Write(Setting::Power), 0),
     }
@@ -93,10 +84,7 @@ pub(super) fn confirm(
     identity: &mut Identity,
 ) -> Verdict {
     match setting.write(config) {
-        Transfer::Write {
-            register,
-            bytes: written,
-        } => {
+        Transfer::Write { register, bytes: written } => {
             for (offset, (&found, &written)) in bytes.iter().zip(written.as_slice()).enumerate() {
                 if (found ^ written) & setting.mask(config, offset) != 0 {
                     let register = register.saturating_add(offset as u8);

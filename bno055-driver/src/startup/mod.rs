@@ -124,11 +124,7 @@ pub(crate) struct Startup {
 impl Startup {
     /// A set-up that begins at the first look at the clock.
     pub(crate) fn new(goal: Goal, request: Option<Request>) -> Self {
-        Self {
-            goal,
-            request,
-            ..Self::default()
-        }
+        Self { goal, request, ..Self::default() }
     }
 
     /// It begins now.

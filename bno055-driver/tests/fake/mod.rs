@@ -136,11 +136,7 @@ impl Chip {
 
     /// The operating mode in effect.
     pub fn mode(&self) -> u8 {
-        if self.now >= self.mode_at {
-            self.mode
-        } else {
-            self.mode_from
-        }
+        if self.now >= self.mode_at { self.mode } else { self.mode_from }
     }
 
     /// Brings time-driven registers up to date.
@@ -175,11 +171,7 @@ impl Chip {
     fn measure(&mut self, mag: bool) {
         self.acc = [self.noise(3), self.noise(3), 981 + self.noise(3)];
         if mag {
-            self.mag = [
-                320 + self.noise(9),
-                -90 + self.noise(9),
-                640 + self.noise(9),
-            ];
+            self.mag = [320 + self.noise(9), -90 + self.noise(9), 640 + self.noise(9)];
         }
         self.gyr = [0; 3];
         if !self.gyro_dead {
@@ -189,25 +181,8 @@ impl Chip {
     }
 
     fn publish(&mut self) {
-        let attitude = [
-            0_i16,
-            0,
-            0,
-            16384,
-            0,
-            0,
-            0,
-            self.acc[0],
-            self.acc[1],
-            0,
-            0,
-            0,
-            981,
-        ];
-        let words = [self.acc, self.mag, self.gyr]
-            .into_iter()
-            .flatten()
-            .chain(attitude);
+        let attitude = [0_i16, 0, 0, 16384, 0, 0, 0, self.acc[0], self.acc[1], 0, 0, 0, 981];
+        let words = [self.acc, self.mag, self.gyr].into_iter().flatten().chain(attitude);
         for (index, word) in words.enumerate() {
             self.pages[0][8 + 2 * index..10 + 2 * index].copy_from_slice(&word.to_le_bytes());
         }
@@ -237,19 +212,12 @@ impl Chip {
             _ if !config => {}
             (0, 0x3F) => {
                 if value & 0x20 != 0 {
-                    self.power_on(if self.dies_of_reset {
-                        u64::MAX / 2
-                    } else {
-                        BOOT_US
-                    });
+                    self.power_on(if self.dies_of_reset { u64::MAX / 2 } else { BOOT_US });
                 } else if value & 1 != 0 {
                     self.self_test_until = self.now + 400_000;
                 } else if value & 0x80 != 0 {
-                    self.clock_busy_until = if self.crystal {
-                        self.now + 300_000
-                    } else {
-                        u64::MAX
-                    };
+                    self.clock_busy_until =
+                        if self.crystal { self.now + 300_000 } else { u64::MAX };
                 }
             }
             (0, 0x41) => {
@@ -264,9 +232,7 @@ impl Chip {
             }
             (0, 0x55..=0x6A) => {
                 self.pages[0][at] = value;
-                let limits = [
-                    8000, 8000, 8000, 6400, 6400, 6400, 32000, 32000, 32000, 1000, 960,
-                ];
+                let limits = [8000, 8000, 8000, 6400, 6400, 6400, 32000, 32000, 32000, 1000, 960];
                 let word = (at - 0x55) / 2;
                 let low = 0x55 + 2 * word;
                 let stored = i16::from_le_bytes([self.pages[0][low], self.pages[0][low + 1]]);
@@ -287,11 +253,8 @@ impl Chip {
         self.transfers += 1;
         self.log.push(*transfer);
         if let Some(error) = self.bus {
-            self.now += if error == BusError::Nak {
-                BYTE_US
-            } else {
-                bno055_driver::TRANSFER_DEADLINE_US
-            };
+            self.now +=
+                if error == BusError::Nak { BYTE_US } else { bno055_driver::TRANSFER_DEADLINE_US };
             return Err(error);
         }
         if self.now < self.booted_at {
@@ -300,9 +263,7 @@ impl Chip {
         }
         let spoiler = self.spoiler.filter(|spoiler| spoiler.transfer == number);
         let spoilt = |byte: usize| {
-            spoiler
-                .filter(|spoiler| spoiler.byte == byte)
-                .map_or(Ok(()), |s| Err(s.error))
+            spoiler.filter(|spoiler| spoiler.byte == byte).map_or(Ok(()), |s| Err(s.error))
         };
         for byte in 0..2 {
             spoilt(byte)?;
@@ -353,11 +314,7 @@ impl Chip {
     pub fn burst_with(&self, change: impl FnOnce(&mut [i16])) -> Vec<u8> {
         let mut words = [self.acc, self.mag, self.gyr];
         change(words.as_flattened_mut());
-        words
-            .as_flattened()
-            .iter()
-            .flat_map(|word| word.to_le_bytes())
-            .collect()
+        words.as_flattened().iter().flat_map(|word| word.to_le_bytes()).collect()
     }
 
     /// The sample that the registers hold.
@@ -374,12 +331,8 @@ impl Chip {
             && zero[0x3E] == config.power as u8
             && zero[0x41..0x43] == config.axes.registers()
             && one[8..12] == config.sensors.registers()
-            && config
-                .profile
-                .is_none_or(|profile| zero[0x55..0x6B] == profile.registers())
-            && config
-                .soft_iron
-                .is_none_or(|matrix| zero[0x43..0x55] == matrix.registers())
+            && config.profile.is_none_or(|profile| zero[0x55..0x6B] == profile.registers())
+            && config.soft_iron.is_none_or(|matrix| zero[0x43..0x55] == matrix.registers())
     }
 }
 
@@ -394,12 +347,7 @@ pub struct Rig {
 
 impl Rig {
     pub fn new(config: Config) -> Self {
-        Self {
-            chip: Chip::new(),
-            driver: Driver::new(config),
-            next_tick: 0,
-            ticks: Vec::new(),
-        }
+        Self { chip: Chip::new(), driver: Driver::new(config), next_tick: 0, ticks: Vec::new() }
     }
 
     /// A rig that has come up.
@@ -412,11 +360,7 @@ impl Rig {
     pub fn run_until_sampling(&mut self, patience_us: u64) {
         let deadline = self.chip.now + patience_us;
         while !self.driver.is_sampling() {
-            assert!(
-                self.chip.now < deadline,
-                "not sampling: {:?}",
-                self.driver.fault()
-            );
+            assert!(self.chip.now < deadline, "not sampling: {:?}", self.driver.fault());
             self.turn();
         }
     }
@@ -435,10 +379,7 @@ impl Rig {
         while self.ticks.len() < from + count && self.driver.is_sampling() {
             self.turn();
         }
-        self.ticks[from..]
-            .iter()
-            .map(|(_, outcome)| *outcome)
-            .collect()
+        self.ticks[from..].iter().map(|(_, outcome)| *outcome).collect()
     }
 
     /// One turn of the main loop.
@@ -447,10 +388,8 @@ impl Rig {
         match self.driver.next(now) {
             Next::Transfer(transfer) => {
                 let outcome = self.chip.perform(&transfer);
-                self.driver.complete(
-                    Micros(self.chip.now),
-                    outcome.as_deref().map_err(|error| *error),
-                );
+                self.driver
+                    .complete(Micros(self.chip.now), outcome.as_deref().map_err(|error| *error));
             }
             Next::Wait(until) => {
                 assert!(until > now, "a wait that is over");
@@ -462,9 +401,8 @@ impl Rig {
                 self.next_tick += TICK_US;
                 let start = self.chip.now;
                 let outcome = self.chip.perform(&self.driver.burst());
-                let sample = self
-                    .driver
-                    .sample(Micros(start), outcome.as_deref().map_err(|error| *error));
+                let sample =
+                    self.driver.sample(Micros(start), outcome.as_deref().map_err(|error| *error));
                 self.ticks.push((start, sample.map(|sample| sample.raw)));
             }
         }

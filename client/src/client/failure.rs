@@ -75,15 +75,9 @@ impl Failure {
     /// alone: its rudder is at neutral.
     pub fn persisting_fault(&self) -> Option<&str> {
         match self {
-            Self::Refused {
-                refusal: Some(RefusalKind::FaultPersists),
-                reason,
-                ..
-            } => Some(
-                reason
-                    .split_once(REFUSED)
-                    .map_or(reason, |(_, fault)| fault),
-            ),
+            Self::Refused { refusal: Some(RefusalKind::FaultPersists), reason, .. } => {
+                Some(reason.split_once(REFUSED).map_or(reason, |(_, fault)| fault))
+            }
             _ => None,
         }
     }

@@ -88,10 +88,7 @@ impl Client {
     ) {
         let (told, untold) = match refusal {
             None => (words, String::new()),
-            Some(kind) => (
-                words.filter(|words| words.contains(REFUSED)),
-                self.reason_of(kind),
-            ),
+            Some(kind) => (words.filter(|words| words.contains(REFUSED)), self.reason_of(kind)),
         };
         let answer = |order: &Order| match ack.result {
             // What takes its time is obeyed when it has begun.
@@ -144,10 +141,7 @@ impl Client {
     }
 
     fn take_parameter(&mut self, now: Duration, row: &PARAM_VALUE_DATA, reason: Option<String>) {
-        let told = Parameter {
-            name: text(&row.param_id).to_owned(),
-            value: row.param_value,
-        };
+        let told = Parameter { name: text(&row.param_id).to_owned(), value: row.param_value };
         self.answer_first(|request| match request {
             Request::Read(name) if *name == told.name => Some(Ok(())),
             Request::Set(wanted) if *wanted == told => Some(Ok(())),
@@ -181,9 +175,7 @@ impl Client {
     /// The download has made progress: it has come to its end, or goes on, at `again` by another
     /// request.
     fn continue_download(&mut self, now: Duration, again: Option<Duration>) {
-        let complete = self
-            .recording_size
-            .is_some_and(|size| self.recording.len() >= size);
+        let complete = self.recording_size.is_some_and(|size| self.recording.len() >= size);
         for pending in &mut self.pending {
             if pending.request == Request::Download {
                 pending.progress(now);

@@ -36,17 +36,11 @@ impl Client {
 
     /// Sends a request for the first time or again: as a whole, or for what is missing.
     fn send_request(&mut self, now: Duration, index: usize) {
-        let Pending {
-            ticket, request, ..
-        } = self.pending[index].clone();
+        let Pending { ticket, request, .. } = self.pending[index].clone();
         match &request {
             Request::Order(order) => {
                 if order.command != request::BRINGUP {
-                    self.copies.push(Copy {
-                        command: order.command,
-                        ticket,
-                        sent: now,
-                    });
+                    self.copies.push(Copy { command: order.command, ticket, sent: now });
                 }
                 self.send(&order.message());
             }

@@ -23,10 +23,7 @@ struct Bench {
 impl Bench {
     /// The client sends no heartbeats, which would only stand among what is looked for.
     fn new() -> Self {
-        Self {
-            client: Client::without_heartbeat(),
-            ..Self::default()
-        }
+        Self { client: Client::without_heartbeat(), ..Self::default() }
     }
 
     /// What the client sends until so much time has gone by.
@@ -65,10 +62,7 @@ impl Bench {
     }
 
     fn ack(&mut self, order: Order, result: MavResult) {
-        self.say(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
-            command: order.command,
-            result,
-        }));
+        self.say(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA { command: order.command, result }));
     }
 
     /// COMMAND_ACK with the extension that the dialect's type does not have.
@@ -115,9 +109,9 @@ impl Bench {
 /// How often an order was sent.
 fn copies(sent: &[MavMessage], order: Order) -> usize {
     let is = |message: &&MavMessage| match message {
-        MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-            command, param1, ..
-        }) => *command == order.command && *param1 == order.params[0],
+        MavMessage::COMMAND_LONG(COMMAND_LONG_DATA { command, param1, .. }) => {
+            *command == order.command && *param1 == order.params[0]
+        }
         _ => false,
     };
     sent.iter().filter(is).count()
@@ -161,10 +155,7 @@ fn a_refusal_has_the_reason_that_stands_directly_before_it() {
     bench.refuse(ARM, RefusalKind::Polarity);
     let failure = bench.answer(arm).unwrap().unwrap_err();
     assert_eq!(failure.refusal(), Some(RefusalKind::Polarity));
-    assert_eq!(
-        failure.to_string(),
-        "arm refused: run tvc calibrate polarity first"
-    );
+    assert_eq!(failure.to_string(), "arm refused: run tvc calibrate polarity first");
 
     let arm = bench.order(ARM);
     bench.text("self-test: hold still");
@@ -201,10 +192,7 @@ fn a_refusal_that_was_told_before_has_the_reason_of_its_kind_and_of_the_state() 
     let failure = bench.refused_again(DISARM, RefusalKind::FaultPersists);
     assert_eq!(failure.persisting_fault(), Some("IMU does not answer"));
     let failure = bench.refused_again(ARM, RefusalKind::WrongState);
-    assert_eq!(
-        failure.to_string(),
-        "arm refused: failsafe: IMU does not answer"
-    );
+    assert_eq!(failure.to_string(), "arm refused: failsafe: IMU does not answer");
 }
 
 #[test]
@@ -281,10 +269,7 @@ fn an_order_behind_a_silent_one_is_sent_when_that_has_failed() {
     let earlier = bench.order(SAVE);
     let later = bench.order(request::RESET);
     assert_eq!(copies(&bench.run(ANSWER + TICK), request::RESET), 1);
-    assert!(matches!(
-        bench.answer(earlier),
-        Some(Err(Failure::Silence(_)))
-    ));
+    assert!(matches!(bench.answer(earlier), Some(Err(Failure::Silence(_)))));
     assert_eq!(bench.answer(later), None);
 }
 
@@ -357,10 +342,7 @@ fn only_what_is_missing_of_a_list_is_asked_for_again() {
     assert_eq!(asked.len(), BATCH);
     assert!(asked.iter().all(|message| matches!(
         message,
-        MavMessage::PARAM_REQUEST_READ(PARAM_REQUEST_READ_DATA {
-            param_index: 0..,
-            ..
-        })
+        MavMessage::PARAM_REQUEST_READ(PARAM_REQUEST_READ_DATA { param_index: 0.., .. })
     )));
 }
 
@@ -387,11 +369,7 @@ fn a_list_that_never_becomes_whole_is_given_up_and_says_what_is_missing() {
             bench.answer(list)
         });
         let missing = usize::from(count) - 3;
-        let why = Failure::Incomplete {
-            count,
-            missing,
-            first: 3,
-        };
+        let why = Failure::Incomplete { count, missing, first: 3 };
         assert_eq!(given_up, Some(Err(why)));
     }
 }
@@ -399,12 +377,7 @@ fn a_list_that_never_becomes_whole_is_given_up_and_says_what_is_missing() {
 #[test]
 fn a_recording_that_no_recorder_holds_is_refused_and_nothing_is_no_progress() {
     let mut bench = Bench::new();
-    let entry = |size| {
-        MavMessage::LOG_ENTRY(LOG_ENTRY_DATA {
-            size,
-            ..LOG_ENTRY_DATA::default()
-        })
-    };
+    let entry = |size| MavMessage::LOG_ENTRY(LOG_ENTRY_DATA { size, ..LOG_ENTRY_DATA::default() });
     let ticket = bench.request(Request::Download);
     bench.say(entry(u32::MAX));
     let refused = bench.answer(ticket).unwrap().unwrap_err();
@@ -423,12 +396,7 @@ fn a_recording_that_no_recorder_holds_is_refused_and_nothing_is_no_progress() {
 #[test]
 fn a_value_is_compared_with_what_was_set() {
     let mut bench = Bench::new();
-    let set = |value| {
-        Request::Set(Parameter {
-            name: "PID_KP".into(),
-            value,
-        })
-    };
+    let set = |value| Request::Set(Parameter { name: "PID_KP".into(), value });
     let ticket = bench.request(set(1.5));
     bench.named_value("PID_KP", 1.0, 0, 60);
     assert_eq!(bench.answer(ticket), None, "of an earlier question");
@@ -452,12 +420,7 @@ fn a_value_is_compared_with_what_was_set() {
 fn a_download_goes_on_where_a_part_was_lost() {
     let mut bench = Bench::new();
     let content: Vec<u8> = (0..200).collect();
-    let entry = |size| {
-        MavMessage::LOG_ENTRY(LOG_ENTRY_DATA {
-            size,
-            ..LOG_ENTRY_DATA::default()
-        })
-    };
+    let entry = |size| MavMessage::LOG_ENTRY(LOG_ENTRY_DATA { size, ..LOG_ENTRY_DATA::default() });
     let part = |from: usize| {
         let mut data = [0; 90];
         let bytes = &content[from..(from + 90).min(200)];
@@ -513,12 +476,8 @@ fn an_order_to_the_board_is_answered_by_its_value() {
         })
     };
     let peek = |number| request::bringup(tvc_nano::bringup::What::Peek, number);
-    let ack = |result| {
-        MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
-            command: request::BRINGUP,
-            result,
-        })
-    };
+    let ack =
+        |result| MavMessage::COMMAND_ACK(COMMAND_ACK_DATA { command: request::BRINGUP, result });
     let mut bench = Bench::new();
     let first = bench.order(peek(0x2000_0000));
     let second = bench.order(peek(0x2000_0004));
@@ -527,17 +486,11 @@ fn an_order_to_the_board_is_answered_by_its_value() {
     bench.say(value(0x2000_0004, -2));
     assert_eq!(bench.client.answer(first), None);
     assert_eq!(bench.client.answer(second), Some(Ok(())));
-    let told = BoardValue {
-        time_ms: 7,
-        value: 0xFFFF_FFFE,
-    };
+    let told = BoardValue { time_ms: 7, value: 0xFFFF_FFFE };
     assert_eq!(bench.client.board_value(0x2000_0004), Some(told));
     assert_eq!(bench.client.board_value(0x2000_0004), None);
     bench.say(ack(MavResult::MAV_RESULT_DENIED));
-    assert!(matches!(
-        bench.client.answer(first),
-        Some(Err(Failure::Refused { .. }))
-    ));
+    assert!(matches!(bench.client.answer(first), Some(Err(Failure::Refused { .. }))));
 }
 
 /// Before the vehicle is heard, orders are for all; then for the one that was heard.
@@ -548,11 +501,7 @@ fn orders_go_to_the_vehicle_that_is_heard() {
     bench.order(DISARM);
     assert_eq!(target(&mut bench), Some(0));
     let mut raw = mavlink::MAVLinkV2MessageRaw::new();
-    let header = mavlink::MavHeader {
-        system_id: 7,
-        component_id: 1,
-        sequence: 0,
-    };
+    let header = mavlink::MavHeader { system_id: 7, component_id: 1, sequence: 0 };
     let beat = HEARTBEAT_DATA {
         autopilot: MavAutopilot::MAV_AUTOPILOT_GENERIC,
         ..HEARTBEAT_DATA::default()

@@ -41,11 +41,7 @@ pub struct Float {
 
 /// Up seen by a unit quaternion w, x, y, z from the body to an earth whose z axis points up.
 pub fn up_of([w, x, y, z]: [f32; 4]) -> [f32; 3] {
-    [
-        2.0 * (x * z - w * y),
-        2.0 * (y * z + w * x),
-        w * w - x * x - y * y + z * z,
-    ]
+    [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z]
 }
 
 /// No update at all: what every image has besides.

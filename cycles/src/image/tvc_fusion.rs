@@ -20,11 +20,7 @@ where
 
     #[inline(always)]
     fn update(&mut self, input: &subject::Float) {
-        let sample = Sample {
-            gyr: input.gyr,
-            acc: input.acc,
-            mag: MAG.then_some(input.mag),
-        };
+        let sample = Sample { gyr: input.gyr, acc: input.acc, mag: MAG.then_some(input.mag) };
         self.0.update(input.dt_s, &sample);
     }
 
@@ -67,11 +63,8 @@ where
 
     #[inline(always)]
     fn update(&mut self, input: &Counts) {
-        let counts = fixed::Counts {
-            gyr: input.gyr,
-            acc: input.acc,
-            mag: MAG.then_some(input.mag),
-        };
+        let counts =
+            fixed::Counts { gyr: input.gyr, acc: input.acc, mag: MAG.then_some(input.mag) };
         self.estimator.update(&mut self.state, input.dt_us, &counts);
     }
 
@@ -106,11 +99,7 @@ impl Subject for FixedAngles {
     type Output = ();
 
     fn new() -> Self {
-        Self(fixed::Angles {
-            roll: 0,
-            pitch: 0,
-            yaw: 0,
-        })
+        Self(fixed::Angles { roll: 0, pitch: 0, yaw: 0 })
     }
 
     fn update(&mut self, &wxyz_q30: &[i32; 4]) {

@@ -13,20 +13,12 @@ impl<const MAG: bool> Subject for Filter<MAG> {
     type Output = ();
 
     fn new() -> Self {
-        Self(
-            VQF::new(PERIOD_S, None, None, None),
-            Quaternion(1.0, 0.0, 0.0, 0.0),
-        )
+        Self(VQF::new(PERIOD_S, None, None, None), Quaternion(1.0, 0.0, 0.0, 0.0))
     }
 
     fn update(&mut self, input: &Float) {
-        self.0
-            .update(input.gyr, input.acc, MAG.then_some(input.mag));
-        self.1 = if MAG {
-            self.0.quat_9d()
-        } else {
-            self.0.quat_6d()
-        };
+        self.0.update(input.gyr, input.acc, MAG.then_some(input.mag));
+        self.1 = if MAG { self.0.quat_9d() } else { self.0.quat_6d() };
     }
 
     fn up(&self) -> [f32; 3] {

@@ -87,12 +87,7 @@ pub struct Linear {
     pub at: Option<f64>,
 
     /// Pitch to take the model at, in rad, with the crank angle that holds the drone there.
-    #[arg(
-        long,
-        value_name = "THETA0",
-        allow_negative_numbers = true,
-        conflicts_with = "at"
-    )]
+    #[arg(long, value_name = "THETA0", allow_negative_numbers = true, conflicts_with = "at")]
     pub pitch: Option<f64>,
 
     /// Print one JSON object on standard output and nothing else there.

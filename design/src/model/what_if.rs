@@ -44,9 +44,7 @@ pub fn run(options: &WhatIf) -> Result<Verdict> {
         BadInput::new(format!("{}: {error}", options.log.display()))
     };
     let flight = Flight::read(&options.log)?;
-    let release = flight
-        .release(options.release)
-        .map_err(|error| named(&error))?;
+    let release = flight.release(options.release).map_err(|error| named(&error))?;
     let setup = setup(servo(&release.params), options.drone.as_deref())?;
     let changed: BTreeMap<String, f32> = options.parameters.iter().cloned().collect();
     let all = flown_again(&release, &setup, &changed).map_err(|error| named(&error))?;
@@ -74,9 +72,7 @@ fn flown_again(
     let mut all = vec![logged, flown("model", as_it_was, target_rad(&params))?];
     if !changed.is_empty() {
         for (name, value) in changed {
-            params
-                .set(name, *value)
-                .map_err(|error| anyhow::anyhow!("{name}: {error}"))?;
+            params.set(name, *value).map_err(|error| anyhow::anyhow!("{name}: {error}"))?;
         }
         let motion = start.fly(setup, &params, end_s)?;
         all.push(flown("what if", motion, target_rad(&params))?);
@@ -109,11 +105,7 @@ impl Start {
             if *held_s < left_s - UNSEEN_S {
                 continue;
             }
-            let start = Self {
-                held_s: *held_s,
-                pitch_rad,
-                rate_rad_s: step.rate_rad_s[1].into(),
-            };
+            let start = Self { held_s: *held_s, pitch_rad, rate_rad_s: step.rate_rad_s[1].into() };
             let motion = start.fly(setup, &release.params, left_s + COMPARED_S)?;
             let difference = rms_difference(&logged[..early], &motion);
             if best.is_none_or(|(least, _)| difference < least) {
@@ -150,11 +142,7 @@ fn logged(release: &Release<'_>) -> Result<Flown> {
     let run = response(release, Axis::Pitch)
         .context("this release is no step response: its set point moves, or it begins on it")?;
     let motion = release.trace(Step::pitch_rad);
-    Ok(Flown {
-        name: "log",
-        motion,
-        run,
-    })
+    Ok(Flown { name: "log", motion, run })
 }
 
 fn flown(name: &'static str, motion: Motion, target_rad: f64) -> Result<Flown> {
@@ -167,14 +155,9 @@ fn flown(name: &'static str, motion: Motion, target_rad: f64) -> Result<Flown> {
 fn rms_difference(logged: &[(f64, f64)], model: &[(f64, f64)]) -> f64 {
     let at = |time_s: f64| {
         let next = model.partition_point(|point| point.0 < time_s);
-        model
-            .get(next)
-            .or(model.last())
-            .map_or(0.0, |point| point.1)
+        model.get(next).or(model.last()).map_or(0.0, |point| point.1)
     };
-    let squares = logged
-        .iter()
-        .map(|(time_s, rad)| (rad - at(*time_s)).powi(2));
+    let squares = logged.iter().map(|(time_s, rad)| (rad - at(*time_s)).powi(2));
     (squares.sum::<f64>() / logged.len() as f64).sqrt()
 }
 
@@ -185,18 +168,14 @@ fn figures(all: &[Flown], changed: &BTreeMap<String, f32>, difference_rad: f64) 
             figure("of", flown.name).shown("of", "", 0),
             figure("start_rad", run.start_rad).shown("start", "rad", 3),
             figure("overshoot_pct", run.overshoot_pct).shown("overshoot", "%", 1),
-            figure("rise_s", run.rise_s)
-                .shown("rise", "s", 3)
-                .or("never"),
+            figure("rise_s", run.rise_s).shown("rise", "s", 3).or("never"),
             figure("settling_5pct_s", run.settling_5pct_s)
                 .shown("5 % settling", "s", 3)
                 .or("never"),
             figure("final_error_rad", run.final_error_rad).shown("final error", "rad", 4),
         ]
     };
-    let words = changed
-        .iter()
-        .map(|(name, value)| format!("{name} = {value}"));
+    let words = changed.iter().map(|(name, value)| format!("{name} = {value}"));
     let words: Vec<String> = words.collect();
     let mut figures = vec![
         rows("runs", all.iter().map(row)),
@@ -211,10 +190,7 @@ fn figures(all: &[Flown], changed: &BTreeMap<String, f32>, difference_rad: f64) 
 
 fn markup(options: &WhatIf, set_rad: f64, all: &[Flown], figures: &Figures) -> Result<String> {
     let lines = all.iter().enumerate().map(|(colour, flown)| {
-        let points = flown
-            .motion
-            .iter()
-            .map(|(time_s, rad)| (*time_s, rad.to_degrees()));
+        let points = flown.motion.iter().map(|(time_s, rad)| (*time_s, rad.to_degrees()));
         Line::new(flown.name, colour, points.collect())
     });
     let set_deg = set_rad.to_degrees();
@@ -264,16 +240,8 @@ mod tests {
             }
         }
         let messages = events.iter().flat_map(Event::messages);
-        let entry = |message| Entry {
-            time_us: 0,
-            from_vehicle: true,
-            message,
-            lost_before: 0,
-        };
-        Log {
-            entries: messages.map(entry).collect(),
-            ..Log::default()
-        }
+        let entry = |message| Entry { time_us: 0, from_vehicle: true, message, lost_before: 0 };
+        Log { entries: messages.map(entry).collect(), ..Log::default() }
     }
 
     #[test]
@@ -282,9 +250,7 @@ mod tests {
         let flight = Flight::of(&log(&setup));
         let release = flight.release(None).unwrap();
         let again = |changed: &[(&str, f32)]| {
-            let changed = changed
-                .iter()
-                .map(|(name, value)| ((*name).to_owned(), *value));
+            let changed = changed.iter().map(|(name, value)| ((*name).to_owned(), *value));
             flown_again(&release, &setup, &changed.collect()).unwrap()
         };
         let same = again(&[]);

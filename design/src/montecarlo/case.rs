@@ -66,9 +66,8 @@ impl Case {
     /// # Errors
     /// The file cannot be written.
     pub fn write(&self, path: &Path, row: &Row) -> Result<()> {
-        let settled = row
-            .settling_5pct_s
-            .map_or("never settled".into(), |s| format!("settled in {s:.3} s"));
+        let settled =
+            row.settling_5pct_s.map_or("never settled".into(), |s| format!("settled in {s:.3} s"));
         let text = format!(
             "# Run {} of seed {}: overshoot {:.2} %, {settled}.\n\
              # Fly it again: tvc montecarlo rerun FILE\n\n{}",
@@ -104,11 +103,7 @@ impl Case {
 
     /// The nominal drone, servo and timing.
     fn setup(&self) -> Setup {
-        Setup {
-            drone: self.drone,
-            servo: self.servo,
-            timing: self.timing,
-        }
+        Setup { drone: self.drone, servo: self.servo, timing: self.timing }
     }
 
     /// Flies the run.
@@ -118,9 +113,7 @@ impl Case {
     pub fn fly(&self) -> Result<Vec<Sample>, String> {
         let mut params = Params::default();
         for (name, value) in &self.parameters {
-            params
-                .set(name, *value)
-                .map_err(|error| format!("{name}: {error}"))?;
+            params.set(name, *value).map_err(|error| format!("{name}: {error}"))?;
         }
         let setup = self.setup();
         let mut law = Law::new(&params, &setup.drone, &self.draw.setup(&setup).timing);
@@ -164,9 +157,7 @@ pub fn rerun(options: &Rerun) -> Result<Verdict> {
         figure("run", case.draw.index).shown("run", "", 0),
         figure("start_rad", case.draw.start_rad).shown("start", "rad", 1),
         figure("overshoot_pct", response.overshoot_pct()).shown("overshoot", "%", 2),
-        figure("rise_s", response.rise_s())
-            .shown("rise", "s", 3)
-            .or("never"),
+        figure("rise_s", response.rise_s()).shown("rise", "s", 3).or("never"),
         settling.shown("5 % settling", "s", 3).or("never"),
         figure("final_error_rad", response.final_error()).shown("final error", "rad", 4),
     ])

@@ -68,13 +68,7 @@ fn fly(options: &MonteCarlo) -> Result<Verdict> {
 
     let row = |outcome: &dispersion::Outcome| {
         let draw = campaign.draw(outcome.index);
-        Row::new(
-            options.servo.name(),
-            seed,
-            options.lateral_mm,
-            &draw,
-            outcome,
-        )
+        Row::new(options.servo.name(), seed, options.lateral_mm, &draw, outcome)
     };
     let rows: Vec<Row> = outcomes.iter().map(row).collect();
     let mut written = Ok(());

@@ -154,12 +154,8 @@ const QUANTITIES: [(&str, f64, f64, Quantity); 9] = [
     ("supply", 1.0, 0.9, |ranges| &mut ranges.supply_loss),
     ("backlash", 1.0, 1.0, |ranges| &mut ranges.backlash),
     ("delay_ms", 1e-3, 100.0, |ranges| &mut ranges.delay_s),
-    ("pitch_mrad", 1e-3, 100.0, |ranges| {
-        &mut ranges.pitch_noise_rad
-    }),
-    ("rate_mrad_s", 1e-3, 1000.0, |ranges| {
-        &mut ranges.rate_noise_rad_s
-    }),
+    ("pitch_mrad", 1e-3, 100.0, |ranges| &mut ranges.pitch_noise_rad),
+    ("rate_mrad_s", 1e-3, 1000.0, |ranges| &mut ranges.rate_noise_rad_s),
 ];
 
 impl Spread {
@@ -174,16 +170,12 @@ fn spread(text: &str) -> Result<Spread, String> {
     let known = QUANTITIES.iter().find(|(known, ..)| *known == name.trim());
     let Some((_, unit, most, quantity)) = known else {
         let names: Vec<&str> = QUANTITIES.iter().map(|(name, ..)| *name).collect();
-        return Err(format!(
-            "no {name} is drawn; there are {}",
-            names.join(", ")
-        ));
+        return Err(format!("no {name} is drawn; there are {}", names.join(", ")));
     };
     match value.trim().parse::<f64>() {
-        Ok(value) if (0.0..=*most).contains(&value) => Ok(Spread {
-            quantity: *quantity,
-            value: unit * value,
-        }),
+        Ok(value) if (0.0..=*most).contains(&value) => {
+            Ok(Spread { quantity: *quantity, value: unit * value })
+        }
         _ => Err(format!("{name} is 0 to {most}")),
     }
 }
@@ -205,11 +197,7 @@ mod tests {
         for text in ["servo_speed=0.25", "delay_ms=5"] {
             spread(text).unwrap().apply(&mut ranges);
         }
-        let expected = Ranges {
-            servo_speed: 0.25,
-            delay_s: 5e-3,
-            ..Ranges::WIDE
-        };
+        let expected = Ranges { servo_speed: 0.25, delay_s: 5e-3, ..Ranges::WIDE };
         assert_eq!(ranges, expected);
         for bad in ["thrust", "thrust=2", "thrust=-1", "thrust=x", "lift=0.1"] {
             assert!(spread(bad).is_err(), "{bad}");

@@ -9,11 +9,8 @@ use report::page::{figure, page, table, verdict};
 use report::plot::{Line, Look, Marks, Plot, Shape};
 
 /// Starts are told apart by colour: the least of their magnitudes, rad, and the name in the legend.
-const STARTS: [(f64, &str); 3] = [
-    (0.0, "from 0.2 rad"),
-    (0.3, "from 0.4 rad"),
-    (0.6, "from 0.8 rad"),
-];
+const STARTS: [(f64, &str); 3] =
+    [(0.0, "from 0.2 rad"), (0.3, "from 0.4 rad"), (0.6, "from 0.8 rad")];
 
 /// What is drawn for each run, by name.
 type Drawn = (&'static str, fn(&Row) -> f64);
@@ -22,10 +19,9 @@ const DRAWN: [Drawn; 10] = [
     ("thrust", |row| row.thrust),
     ("inertia", |row| row.inertia),
     ("vertical centre of mass, mm", |row| row.cm_vertical_mm),
-    (
-        "lateral centre of mass, times the sign of the start, mm",
-        |row| row.cm_lateral_mm * row.start_rad.signum(),
-    ),
+    ("lateral centre of mass, times the sign of the start, mm", |row| {
+        row.cm_lateral_mm * row.start_rad.signum()
+    }),
     ("servo speed", |row| row.servo_speed),
     ("stall torque", |row| row.stall),
     ("supply", |row| row.supply),
@@ -37,12 +33,8 @@ const DRAWN: [Drawn; 10] = [
 /// The whole page; `rows` is not empty.
 pub fn render(figures: &Figures, rows: &[Row]) -> Result<String> {
     let first = &rows[0];
-    let title = format!(
-        "Monte Carlo: {} drones, servo {}, seed {}",
-        rows.len(),
-        first.servo,
-        first.seed
-    );
+    let title =
+        format!("Monte Carlo: {} drones, servo {}, seed {}", rows.len(), first.servo, first.seed);
     let failed = rows.iter().filter(|row| !row.pass).count();
     let words = if failed == 0 {
         "Every run met the requirements.".to_owned()
@@ -74,8 +66,7 @@ pub fn render(figures: &Figures, rows: &[Row]) -> Result<String> {
 fn started(rows: &[Row], place: usize) -> impl Iterator<Item = &Row> {
     let least = STARTS[place].0;
     let below = STARTS.get(place + 1).map_or(f64::INFINITY, |next| next.0);
-    rows.iter()
-        .filter(move |row| (least..below).contains(&row.start_rad.abs()))
+    rows.iter().filter(move |row| (least..below).contains(&row.start_rad.abs()))
 }
 
 fn scatter(rows: &[Row]) -> Result<Markup> {
@@ -98,37 +89,23 @@ fn scatter(rows: &[Row]) -> Result<Markup> {
         ..Look::default()
     };
     let plot = Plot::new("5 % settling, s", "overshoot, %", Vec::new());
-    Ok(figure(
-        "A dot for each drone that settled.",
-        plot.svg_as(&look)?,
-    ))
+    Ok(figure("A dot for each drone that settled.", plot.svg_as(&look)?))
 }
 
 fn distribution(rows: &[Row]) -> Result<Markup> {
     let lines = STARTS.iter().enumerate().map(|(place, start)| {
         let runs = started(rows, place).count().max(1) as f64;
-        let mut settled: Vec<f64> = started(rows, place)
-            .filter_map(|row| row.settling_5pct_s)
-            .collect();
+        let mut settled: Vec<f64> =
+            started(rows, place).filter_map(|row| row.settling_5pct_s).collect();
         settled.sort_by(f64::total_cmp);
         let share = |place: usize| 100.0 * (place + 1) as f64 / runs;
         let settled = settled.iter().enumerate();
         let points = settled.map(|(place, settling)| (*settling, share(place)));
         Line::new(start.1, place, points.collect())
     });
-    let plot = Plot::new(
-        "5 % settling, s",
-        "drones settled by then, %",
-        lines.collect(),
-    );
-    let look = Look {
-        y: Some((0.0, 100.0)),
-        ..Look::default()
-    };
-    Ok(figure(
-        "How many have settled after how long.",
-        plot.svg_as(&look)?,
-    ))
+    let plot = Plot::new("5 % settling, s", "drones settled by then, %", lines.collect());
+    let look = Look { y: Some((0.0, 100.0)), ..Look::default() };
+    Ok(figure("How many have settled after how long.", plot.svg_as(&look)?))
 }
 
 /// How settling and overshoot change from the smallest to the largest third of each quantity.
@@ -162,11 +139,7 @@ fn dependence(rows: &[Row]) -> Markup {
 }
 
 fn seconds(value: f64) -> String {
-    if value.is_finite() {
-        format!("{value:.3}")
-    } else {
-        "never".into()
-    }
+    if value.is_finite() { format!("{value:.3}") } else { "never".into() }
 }
 
 /// Middle value; `rows` is not empty.
@@ -230,9 +203,6 @@ mod tests {
         assert!(page.contains("1 of 9 runs missed"), "{page}");
         // Medians of the lowest three (never, 1.25, 1.2) and of the highest three.
         assert!(page.contains("<td>thrust</td><td>1.250</td><td>0.950</td>"));
-        assert!(
-            !page.contains("<td>inertia</td>"),
-            "nothing was drawn there"
-        );
+        assert!(!page.contains("<td>inertia</td>"), "nothing was drawn there");
     }
 }

@@ -23,12 +23,7 @@ impl Worst {
         let worst = dispersion::worst(&outcomes(rows), count);
         let place = |outcome: &Outcome| rows.binary_search_by_key(&outcome.index, |row| row.run);
         let found = worst.iter().filter_map(|outcome| place(outcome).ok());
-        found
-            .map(|place| Self {
-                row: rows[place].clone(),
-                file: None,
-            })
-            .collect()
+        found.map(|place| Self { row: rows[place].clone(), file: None }).collect()
     }
 
     fn shown(&self) -> [Figure; 5] {
@@ -36,9 +31,7 @@ impl Worst {
             figure("", self.row.run).shown("worst runs", "", 0),
             figure("", self.row.start_rad).shown("start", "rad", 1),
             figure("", self.row.overshoot_pct).shown("overshoot", "%", 1),
-            figure("", self.row.settling_5pct_s)
-                .shown("5 % settling", "s", 3)
-                .or("never"),
+            figure("", self.row.settling_5pct_s).shown("5 % settling", "s", 3).or("never"),
             shown("kept in", self.file.clone().unwrap_or_default()),
         ]
     }

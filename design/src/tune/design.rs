@@ -127,9 +127,7 @@ impl Run {
     fn cost(&self, required: &Requirements) -> (f64, f64) {
         let unsettled = UNSETTLED_S / self.limit_s;
         let ratio = Distribution::of(
-            self.settling_s
-                .iter()
-                .map(|s| Some(s.map_or(unsettled, |s| s / self.limit_s))),
+            self.settling_s.iter().map(|s| Some(s.map_or(unsettled, |s| s / self.limit_s))),
         );
         let overshoot = self.overshoot_pct();
         // The grid of the search is coarse, which the reserves make up for.
@@ -164,26 +162,12 @@ pub struct Grid {
 
 impl Grid {
     /// For the search.
-    pub const COARSE: Self = Self {
-        phases: 6,
-        ages: 3,
-        refresh_hz: None,
-        step_s: STEP_S,
-    };
+    pub const COARSE: Self = Self { phases: 6, ages: 3, refresh_hz: None, step_s: STEP_S };
     /// For the search, with a sensor that refreshes slowly.
-    const SLOW: Self = Self {
-        phases: 2,
-        ages: 4,
-        refresh_hz: Some(SLOW_REFRESH_HZ),
-        step_s: STEP_S,
-    };
+    const SLOW: Self =
+        Self { phases: 2, ages: 4, refresh_hz: Some(SLOW_REFRESH_HZ), step_s: STEP_S };
     /// For the figures.
-    pub const FINE: Self = Self {
-        phases: 10,
-        ages: 5,
-        refresh_hz: None,
-        step_s: 0.5 * STEP_S,
-    };
+    pub const FINE: Self = Self { phases: 10, ages: 5, refresh_hz: None, step_s: 0.5 * STEP_S };
 }
 
 /// A drone and servo for which gains are sought.
@@ -202,10 +186,8 @@ impl Problem {
     /// # Errors
     /// The drone cannot be brought upright at all.
     pub fn new(setup: Setup, base: &Params, seed: u64) -> Result<Self> {
-        let actuator = Actuator {
-            rate_rad_s: setup.servo.speed_rad_s,
-            limit_rad: COMMAND_LIMIT_RAD,
-        };
+        let actuator =
+            Actuator { rate_rad_s: setup.servo.speed_rad_s, limit_rad: COMMAND_LIMIT_RAD };
         let mut limits_s = [0.0; STARTS_RAD.len()];
         for (limit_s, start) in limits_s.iter_mut().zip(STARTS_RAD) {
             let limit = limit::time_optimal(&setup.drone, actuator, start, START_RATE_RAD_S, 0.0)?;
@@ -214,16 +196,8 @@ impl Problem {
         let transfer = crank_to_pitch(&Mechanism::new(&setup.drone)?);
         let pitch_gain =
             transfer.numerator().last().copied().unwrap_or(0.0) / transfer.denominator()[0];
-        let mut problem = Self {
-            setup,
-            base: base.clone(),
-            limits_s,
-            seed,
-        };
-        problem
-            .base
-            .set("PID_LAW", SURFACE_LAW)
-            .map_err(|error| anyhow::anyhow!("{error}"))?;
+        let mut problem = Self { setup, base: base.clone(), limits_s, seed };
+        problem.base.set("PID_LAW", SURFACE_LAW).map_err(|error| anyhow::anyhow!("{error}"))?;
         set(&mut problem.base, "PITCH_GAIN", pitch_gain);
         set(&mut problem.base, "SRV_RAD_S", setup.servo.speed_rad_s);
         Ok(problem)
@@ -282,12 +256,7 @@ impl Problem {
                     .map(|index| self.fly(params, grid, start_rad, index))
                     .collect::<Result<_, _>>()?;
                 let (overshoots_pct, settling_s) = flights.into_iter().unzip();
-                Ok(Run {
-                    start_rad,
-                    limit_s,
-                    overshoots_pct,
-                    settling_s,
-                })
+                Ok(Run { start_rad, limit_s, overshoots_pct, settling_s })
             })
             .collect()
     }
@@ -316,13 +285,8 @@ impl Problem {
         let side = alternately(1);
         let mut law = Law::new(params, &self.setup.drone, &timing);
         let Setup { drone, servo, .. } = &self.setup;
-        let mut flight = PitchLoop::new(
-            drone,
-            *servo,
-            timing,
-            side * start_rad,
-            side * START_RATE_RAD_S,
-        )?;
+        let mut flight =
+            PitchLoop::new(drone, *servo, timing, side * start_rad, side * START_RATE_RAD_S)?;
         let misjudged = MISJUDGED_RAD * alternately(2);
         let mut noise = RateNoise::new(index);
         let response = flight.respond(FLIGHT_S, |mut measurement| {
@@ -396,10 +360,7 @@ struct RateNoise {
 
 impl RateNoise {
     fn new(flight: u32) -> Self {
-        Self {
-            chance: ChaCha8Rng::seed_from_u64(flight.into()),
-            newest: (f64::NAN, 0.0),
-        }
+        Self { chance: ChaCha8Rng::seed_from_u64(flight.into()), newest: (f64::NAN, 0.0) }
     }
 
     fn of(&mut self, rate_rad_s: f64) -> f64 {

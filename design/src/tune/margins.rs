@@ -59,9 +59,7 @@ impl Margins {
                 figure("gain_db", self.gain_db)
                     .shown("gain margin", "dB", 1)
                     .limit(AtLeast(gain_db)),
-                figure("delay_s", self.delay_s)
-                    .shown("delay margin", "ms", 1)
-                    .scaled(1e3),
+                figure("delay_s", self.delay_s).shown("delay margin", "ms", 1).scaled(1e3),
                 figure("peak_sensitivity", self.peak_sensitivity).shown("peak sensitivity", "", 2),
                 figure("peak_rad_s", self.peak_rad_s).shown("at", "rad/s", 1),
             ],
@@ -74,17 +72,10 @@ impl Margins {
 /// # Errors
 /// A parameter of the drone out of range.
 pub fn of(setup: &Setup, params: &Params) -> Result<Margins, ParameterError> {
-    let gain = largest(1.0, MOST_GAIN, |gain| {
-        comes_to_rest(setup, params, gain, 0.0)
-    })?;
+    let gain = largest(1.0, MOST_GAIN, |gain| comes_to_rest(setup, params, gain, 0.0))?;
     let delay_s = largest(0.0, MOST_DELAY_S, |s| comes_to_rest(setup, params, 1.0, s))?;
     let (peak_sensitivity, peak_rad_s) = peak(setup, params, 0..FREQUENCIES)?;
-    Ok(Margins {
-        gain_db: 20.0 * gain.log10(),
-        delay_s,
-        peak_sensitivity,
-        peak_rad_s,
-    })
+    Ok(Margins { gain_db: 20.0 * gain.log10(), delay_s, peak_sensitivity, peak_rad_s })
 }
 
 /// The largest sensitivity at the frequencies where fast loops have it, 10 to 27 rad/s.
@@ -206,19 +197,10 @@ mod tests {
         open.rate_filter_rad_s = f64::INFINITY;
         let expected = open.margins();
         let delay_s = expected.phase.unwrap().delay_s;
-        assert!(
-            (found.gain_db - expected.gain.unwrap().db).abs() < 2.0,
-            "{found:?} {expected:?}"
-        );
-        assert!(
-            (found.delay_s / delay_s - 1.0).abs() < 0.25,
-            "{found:?} {expected:?}"
-        );
+        assert!((found.gain_db - expected.gain.unwrap().db).abs() < 2.0, "{found:?} {expected:?}");
+        assert!((found.delay_s / delay_s - 1.0).abs() < 0.25, "{found:?} {expected:?}");
         let peak = expected.peak_sensitivity;
-        assert!(
-            (found.peak_sensitivity / peak - 1.0).abs() < 0.2,
-            "{found:?} {expected:?}"
-        );
+        assert!((found.peak_sensitivity / peak - 1.0).abs() < 0.2, "{found:?} {expected:?}");
     }
 
     #[test]

@@ -134,10 +134,7 @@ pub fn run(options: &Tune) -> Result<Verdict> {
     let params = problem.params(&gains);
     let gains = named(&params);
     let written = options.out.as_ref().map_or(Ok(()), |out| {
-        let row = |(name, value): (&&str, &f32)| Parameter {
-            name: (*name).into(),
-            value: *value,
-        };
+        let row = |(name, value): (&&str, &f32)| Parameter { name: (*name).into(), value: *value };
         let rows: Vec<Parameter> = gains.iter().map(row).collect();
         write_whole(out, param_file::text(&rows).as_bytes())?;
         eprintln!("gains: {}", out.display());

@@ -47,13 +47,7 @@ pub fn run(options: &Tune) -> Result<Verdict> {
         let start = [kp, ki, kd].map(f64::from);
         let cost = |x: &[f64; 3]| self::cost(airframe, Law::Constant(of_gains(*x)));
         let (gains, gains_cost) = search::minimise(start, generations, seed, cost, told);
-        found.push((
-            airframe,
-            of_design(design),
-            design_cost,
-            of_gains(gains),
-            gains_cost,
-        ));
+        found.push((airframe, of_design(design), design_cost, of_gains(gains), gains_cost));
     }
     bar.finish_and_clear();
     let schedules = found.iter().map(|(airframe, design, cost, ..)| {
@@ -74,9 +68,7 @@ pub fn run(options: &Tune) -> Result<Verdict> {
             error(*cost),
         ]
     });
-    let is_better = found
-        .iter()
-        .all(|(_, _, schedule, _, constant)| schedule < constant);
+    let is_better = found.iter().all(|(_, _, schedule, _, constant)| schedule < constant);
     let table: Vec<_> = found
         .iter()
         .map(|(airframe, design, ..)| gain_rows(*airframe, *design))
@@ -84,10 +76,7 @@ pub fn run(options: &Tune) -> Result<Verdict> {
         .concat();
     let figures = Figures::from([
         figure("seed", options.seed),
-        figure(
-            "candidates",
-            u64::from(options.generations) * CANDIDATES as u64,
-        ),
+        figure("candidates", u64::from(options.generations) * CANDIDATES as u64),
         rows("schedules", schedules.collect::<Vec<_>>()),
         rows("constant", constants.collect::<Vec<_>>()),
         rows("rows", table),
@@ -118,11 +107,7 @@ fn gain_rows(airframe: Airframe, design: Design) -> Result<Vec<[Figure; 5]>> {
 }
 
 fn of_design([natural_rad_s, damping, integral]: [f64; 3]) -> Design {
-    Design {
-        natural_rad_s,
-        damping,
-        integral,
-    }
+    Design { natural_rad_s, damping, integral }
 }
 
 fn of_gains(gains: [f64; 3]) -> Gains {

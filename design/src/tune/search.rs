@@ -134,11 +134,7 @@ impl Strategy {
         if is_usual {
             self.path += (path_rate * (2.0 - path_rate) * effective).sqrt() * &mean_step;
         }
-        let lost = if is_usual {
-            0.0
-        } else {
-            path_rate * (2.0 - path_rate)
-        };
+        let lost = if is_usual { 0.0 } else { path_rate * (2.0 - path_rate) };
         self.covariance *= 1.0 + one_rate * lost - one_rate - many_rate;
         self.covariance += one_rate * &self.path * self.path.transpose();
         for (weight, step) in self.weights.iter().zip(steps) {

@@ -138,9 +138,7 @@ impl Assembly {
             && let Some(back) = recent.position(its)
         {
             let memory = Event::Memory(words.to_vec());
-            self.flight
-                .events
-                .insert(self.flight.events.len() - back, memory);
+            self.flight.events.insert(self.flight.events.len() - back, memory);
         }
     }
 

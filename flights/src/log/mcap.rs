@@ -38,11 +38,7 @@ const TRANSFORM_US: u64 = 30_000;
 const CLOCK_STEP_US: u64 = 1_000_000;
 
 /// A topic: its name, its schema's name, its fields and their JSON types.
-struct Topic(
-    &'static str,
-    &'static str,
-    &'static [(&'static str, &'static str)],
-);
+struct Topic(&'static str, &'static str, &'static [(&'static str, &'static str)]);
 
 const NUMBER: &str = "number";
 const INTEGER: &str = "integer";
@@ -67,11 +63,7 @@ const TOPICS: [Topic; 9] = [
             ("yaw_rate_deg_s", NUMBER),
         ],
     ),
-    Topic(
-        "/servo",
-        "tvc.Servo",
-        &[("pulse_us", INTEGER), ("pulse2_us", INTEGER)],
-    ),
+    Topic("/servo", "tvc.Servo", &[("pulse_us", INTEGER), ("pulse2_us", INTEGER)]),
     Topic(
         "/counts",
         "tvc.Counts",
@@ -88,11 +80,7 @@ const TOPICS: [Topic; 9] = [
         ],
     ),
     Topic("/command", "tvc.Command", &[("crank_deg", NUMBER)]),
-    Topic(
-        "/state",
-        "tvc.State",
-        &[("state", STRING), ("code", INTEGER)],
-    ),
+    Topic("/state", "tvc.State", &[("state", STRING), ("code", INTEGER)]),
     Topic(
         "/health",
         "tvc.Health",
@@ -104,11 +92,7 @@ const TOPICS: [Topic; 9] = [
             ("bus_recoveries", INTEGER),
         ],
     ),
-    Topic(
-        "/parameter",
-        "tvc.Parameter",
-        &[("name", STRING), ("value", NUMBER)],
-    ),
+    Topic("/parameter", "tvc.Parameter", &[("name", STRING), ("value", NUMBER)]),
     Topic(
         "/log",
         "foxglove.Log",
@@ -174,11 +158,8 @@ impl Writer {
         let frames = file.add_channel(0, FRAMES, FRAME_ENCODING, &none)?;
         let mut topics = [0; TOPICS.len()];
         for (id, Topic(name, schema, fields)) in topics.iter_mut().zip(TOPICS) {
-            let schema = file.add_schema(
-                schema,
-                "jsonschema",
-                describe(fields).to_string().as_bytes(),
-            )?;
+            let schema =
+                file.add_schema(schema, "jsonschema", describe(fields).to_string().as_bytes())?;
             *id = file.add_channel(schema, name, "json", &none)?;
         }
         Ok(Self {
@@ -259,10 +240,7 @@ impl Writer {
             }
             MavMessage::HEARTBEAT(m) => {
                 let state = state_name(m.custom_mode);
-                (
-                    Kind::State,
-                    json!({ "state": state, "code": m.custom_mode }),
-                )
+                (Kind::State, json!({ "state": state, "code": m.custom_mode }))
             }
             MavMessage::SYS_STATUS(m) => {
                 let value = json!({
@@ -305,11 +283,7 @@ impl Writer {
     }
 
     fn json(&mut self, kind: Kind, time_us: u64, value: &Value) -> Result<(), McapError> {
-        self.put(
-            self.topics[kind as usize],
-            time_us,
-            value.to_string().as_bytes(),
-        )
+        self.put(self.topics[kind as usize], time_us, value.to_string().as_bytes())
     }
 
     fn put(&mut self, channel_id: u16, time_us: u64, data: &[u8]) -> Result<(), McapError> {
@@ -365,9 +339,7 @@ impl Found {
         while let Some((opcode, behind)) = rest.split_first() {
             let (length, behind) = behind.split_first_chunk().ok_or(McapError::UnexpectedEof)?;
             let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
-            let (body, behind) = behind
-                .split_at_checked(length)
-                .ok_or(McapError::UnexpectedEof)?;
+            let (body, behind) = behind.split_at_checked(length).ok_or(McapError::UnexpectedEof)?;
             match *opcode {
                 op::DATA_END if !in_chunk => break,
                 op::CHUNK if !in_chunk => self.read_chunk(body)?,
@@ -475,11 +447,7 @@ fn message(bytes: &[u8]) -> Option<([u8; STAMP], &[u8], &[u8])> {
         return None;
     }
     let time_ns = header.get(6..14)?.try_into().ok()?;
-    Some((
-        (u64::from_le_bytes(time_ns) / 1000).to_be_bytes(),
-        frame,
-        behind,
-    ))
+    Some(((u64::from_le_bytes(time_ns) / 1000).to_be_bytes(), frame, behind))
 }
 
 /// The vehicle's clock, offset to the host's.
@@ -516,10 +484,8 @@ impl Clock {
 
 /// JSON schema of an object with these fields.
 fn describe(fields: &[(&str, &str)]) -> Value {
-    let properties: serde_json::Map<_, _> = fields
-        .iter()
-        .map(|(name, kind)| ((*name).to_owned(), json!({ "type": kind })))
-        .collect();
+    let properties: serde_json::Map<_, _> =
+        fields.iter().map(|(name, kind)| ((*name).to_owned(), json!({ "type": kind }))).collect();
     json!({ "type": "object", "properties": properties })
 }
 

@@ -55,9 +55,7 @@ impl Origin {
                 figure("vehicle", self.vehicle.clone())
                     .shown("vehicle's build", "", 0)
                     .or("not told"),
-                figure("tool", self.tool.clone())
-                    .shown("kept by", "", 0)
-                    .or("another program"),
+                figure("tool", self.tool.clone()).shown("kept by", "", 0).or("another program"),
             ],
         )
     }

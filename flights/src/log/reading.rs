@@ -182,11 +182,7 @@ mod tests {
                 Ok(())
             });
             assert_eq!(entries, whole.entries, "{piece}");
-            assert_eq!(
-                decoder.counts(stray_bytes.unwrap()),
-                whole.counts,
-                "{piece}"
-            );
+            assert_eq!(decoder.counts(stray_bytes.unwrap()), whole.counts, "{piece}");
         }
     }
 }

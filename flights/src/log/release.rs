@@ -81,14 +81,12 @@ impl Flight {
             Some(number) if (1..=releases.len()).contains(&number) => {
                 Ok(releases.swap_remove(number - 1))
             }
-            Some(number) if !releases.is_empty() => Err(BadInput::new(format!(
-                "{there_are}, none of number {number}"
-            ))),
+            Some(number) if !releases.is_empty() => {
+                Err(BadInput::new(format!("{there_are}, none of number {number}")))
+            }
             None if releases.len() == 1 => Ok(releases.swap_remove(0)),
             _ if releases.is_empty() => Err(BadInput::new(there_are)),
-            _ => Err(BadInput::new(format!(
-                "{there_are}: choose one with --release"
-            ))),
+            _ => Err(BadInput::new(format!("{there_are}: choose one with --release"))),
         }
     }
 }
@@ -116,10 +114,7 @@ impl Release<'_> {
     /// Time since the release and a value, at every step.
     pub fn trace(&self, of: impl Fn(&Step) -> f64) -> Vec<(f64, f64)> {
         let begin = self.steps[0].time_s();
-        self.steps
-            .iter()
-            .map(|step| (step.time_s() - begin, of(step)))
-            .collect()
+        self.steps.iter().map(|step| (step.time_s() - begin, of(step))).collect()
     }
 }
 
@@ -139,18 +134,9 @@ mod tests {
             Ok(_) => String::new(),
             Err(refused) => refused.to_string(),
         };
-        assert_eq!(
-            refused(&two, Some(3)),
-            "there are 2 releases, none of number 3"
-        );
-        assert_eq!(
-            refused(&two, Some(0)),
-            "there are 2 releases, none of number 0"
-        );
-        assert_eq!(
-            refused(&two, None),
-            "there are 2 releases: choose one with --release"
-        );
+        assert_eq!(refused(&two, Some(3)), "there are 2 releases, none of number 3");
+        assert_eq!(refused(&two, Some(0)), "there are 2 releases, none of number 0");
+        assert_eq!(refused(&two, None), "there are 2 releases: choose one with --release");
         let none = Flight::of(&Log::default());
         assert_eq!(refused(&none, None), "there is no release");
     }

@@ -29,10 +29,7 @@ fn times(file: &mut File, from: u64) -> Option<impl Iterator<Item = u64>> {
     file.seek(SeekFrom::Start(from)).ok()?;
     let mut bytes = Vec::new();
     file.take(END).read_to_end(&mut bytes).ok()?;
-    let frames = Frames {
-        bytes: &bytes,
-        stray_bytes: 0,
-    };
+    let frames = Frames { bytes: &bytes, stray_bytes: 0 };
     let times: Vec<u64> = frames.map(|(time_us, _)| time_us).collect();
     Some(times.into_iter())
 }

@@ -272,20 +272,12 @@ mod tests {
     }
 
     fn raw(time_usec: u64) -> MavMessage {
-        MavMessage::RAW_IMU(RAW_IMU_DATA {
-            time_usec,
-            zacc: -981,
-            ..RAW_IMU_DATA::default()
-        })
+        MavMessage::RAW_IMU(RAW_IMU_DATA { time_usec, zacc: -981, ..RAW_IMU_DATA::default() })
     }
 
     fn flight(messages: Vec<(MavMessage, u64)>) -> Flight {
-        let entry = |(message, lost_before)| Entry {
-            time_us: 0,
-            from_vehicle: true,
-            message,
-            lost_before,
-        };
+        let entry =
+            |(message, lost_before)| Entry { time_us: 0, from_vehicle: true, message, lost_before };
         Flight::of(&Log {
             entries: messages.into_iter().map(entry).collect(),
             counts: LinkCounts::default(),
@@ -300,26 +292,18 @@ mod tests {
             let ((sin, cos), (z, w)) = ((0.5 * tilt).sin_cos(), (0.5 * heading).sin_cos());
             let (x, y) = (sin * 0.75_f64.sqrt(), sin * 0.5);
             let q = [w * cos, w * x - z * y, w * y + z * x, z * cos];
-            let step = Step {
-                quaternion: q.map(|part| part as f32),
-                ..Step::level(0)
-            };
+            let step = Step { quaternion: q.map(|part| part as f32), ..Step::level(0) };
             let roll = step.tilt_rad(Axis::Roll) - tilt * 0.75_f64.sqrt();
             let pitch = step.tilt_rad(Axis::Pitch) - tilt * 0.5;
-            assert!(
-                roll.abs() < 1e-6 && pitch.abs() < 1e-6,
-                "{heading}: {roll} {pitch}"
-            );
+            assert!(roll.abs() < 1e-6 && pitch.abs() < 1e-6, "{heading}: {roll} {pitch}");
         }
         assert_eq!(Step::level(0).tilt_rad(Axis::Roll), 0.0);
     }
 
     #[test]
     fn a_step_without_counts_missed_its_sample_unless_frames_are_missing() {
-        let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-            custom_mode: 3,
-            ..HEARTBEAT_DATA::default()
-        });
+        let beat =
+            MavMessage::HEARTBEAT(HEARTBEAT_DATA { custom_mode: 3, ..HEARTBEAT_DATA::default() });
         let flight = flight(vec![
             (attitude(), 0),
             (servo(5_000), 0),
@@ -333,10 +317,8 @@ mod tests {
             (servo(55_000), 0),
             (raw(51_000), 0),
         ]);
-        let steps: Vec<_> = flight
-            .steps()
-            .map(|step| (step.now_us, step.sample.is_some()))
-            .collect();
+        let steps: Vec<_> =
+            flight.steps().map(|step| (step.now_us, step.sample.is_some())).collect();
         assert_eq!(steps, [(5_000, true), (15_000, false), (55_000, true)]);
         assert_eq!((flight.missed(), flight.lost()), (1, 4));
         assert_eq!(flight.events[2], Event::State(3));
@@ -357,11 +339,7 @@ mod tests {
             cranks_rad: [Some(0.25), None],
             pulses_us: [1_600, 0],
         };
-        let missed = Step {
-            now_us: 16_167,
-            sample: None,
-            ..step
-        };
+        let missed = Step { now_us: 16_167, sample: None, ..step };
         let events = vec![
             Event::Parameter("PID_KP".into(), 1.5),
             Event::State(4),

@@ -83,22 +83,14 @@ mod tests {
             cranks_rad: [None; 2],
             pulses_us: [1524, 0],
         };
-        let sample = RawSample {
-            time: Micros(1),
-            acc: [1, 2, 3],
-            gyr: [4, 5, 6],
-            mag: [7, 8, -9],
-        };
+        let sample = RawSample { time: Micros(1), acc: [1, 2, 3], gyr: [4, 5, 6], mag: [7, 8, -9] };
         let flight = Flight {
             events: vec![
                 Event::State(2),
                 Event::Step(step),
                 Event::Parameter(SET_POINT.into(), 10.0),
                 Event::Gap(3),
-                Event::Step(Step {
-                    sample: Some(sample),
-                    ..step
-                }),
+                Event::Step(Step { sample: Some(sample), ..step }),
             ],
             ..Flight::default()
         };
@@ -107,10 +99,7 @@ mod tests {
         assert_eq!(lines.len(), 3);
         let columns = |line: &str| line.split(',').count();
         assert!(lines.iter().all(|line| columns(line) == columns(HEAD)));
-        assert_eq!(
-            lines[1],
-            "5,standby,0,,,,,,,,,,,0.1,0,0,1,0,0,0,,1524,0,0,0.17453292,,0"
-        );
+        assert_eq!(lines[1], "5,standby,0,,,,,,,,,,,0.1,0,0,1,0,0,0,,1524,0,0,0.17453292,,0");
         assert!(lines[2].starts_with("5,standby,3,1,1,2,3,4,5,6,7,8,-9,0.1,"));
     }
 }

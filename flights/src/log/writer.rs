@@ -49,10 +49,7 @@ impl Writer {
         let file = File::create_new(path).map_err(|error| unwritable(path, &error))?;
         let place = Place(path.to_owned());
         let writer = Self::of(path, tool, file, None)?;
-        Ok(Self {
-            _place: Some(place),
-            ..writer
-        })
+        Ok(Self { _place: Some(place), ..writer })
     }
 
     /// Begins a new log that is made of something which is there already: it takes its place when
@@ -78,12 +75,7 @@ impl Writer {
         } else {
             Form::Tlog(BufWriter::new(file))
         };
-        Ok(Self {
-            form,
-            path: path.to_owned(),
-            beside,
-            _place: None,
-        })
+        Ok(Self { form, path: path.to_owned(), beside, _place: None })
     }
 
     /// Keeps a frame with the present time.
@@ -116,9 +108,9 @@ impl Writer {
     /// The file cannot be written.
     pub fn flush(&mut self) -> Result<()> {
         match &mut self.form {
-            Form::Tlog(file) => file
-                .flush()
-                .with_context(|| format!("writing {}", self.path.display())),
+            Form::Tlog(file) => {
+                file.flush().with_context(|| format!("writing {}", self.path.display()))
+            }
             Form::Mcap(_) => Ok(()),
         }
     }

@@ -230,11 +230,7 @@ impl<F: Filter> Estimator<F> {
     #[inline(always)]
     fn step(&mut self, dt_s: f32, sample: &Sample) {
         let real = F::Real::from_f32;
-        let dt = if dt_s.within(self.gap_s) {
-            real(dt_s)
-        } else {
-            self.gap()
-        };
+        let dt = if dt_s.within(self.gap_s) { real(dt_s) } else { self.gap() };
 
         let mut gyr = sample.gyr.map(real);
         let mut hidden = None;
@@ -265,11 +261,7 @@ impl<F: Filter> Estimator<F> {
             (acc_valid && self.passes(&acc)).then(|| lag::now(&acc, &self.rate, self.acc_lag_s));
         self.flags.acc_rejected = acc.is_none();
         // If every sample has a field, there is nothing to add up.
-        self.mag_dt = if self.mag_dt.within(F::Real::ZERO) {
-            dt
-        } else {
-            self.mag_dt + dt
-        };
+        self.mag_dt = if self.mag_dt.within(F::Real::ZERO) { dt } else { self.mag_dt + dt };
         let mag_dt = self.mag_dt;
         let heading = sample.mag.and_then(|mag| self.heading(&rows, &mag));
         let floor = self.floor(dt);
@@ -401,9 +393,7 @@ impl<F: Filter> Estimator<F> {
         let seen = Seen {
             acc: view.acc.filter(|_| F::CORRECTS),
             acc_density: self.acc_density,
-            field: mag
-                .filter(|mag| F::CORRECTS && plausible(mag))
-                .zip(self.field.expected()),
+            field: mag.filter(|mag| F::CORRECTS && plausible(mag)).zip(self.field.expected()),
             field_dt: view.mag_dt,
             field_lag_s: self.field.lag_s(),
             rate: self.rate,

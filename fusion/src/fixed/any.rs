@@ -78,10 +78,8 @@ mod tests {
     }
 
     fn same<F: Filter<Gains: Default>>(any: fn(F::Gains) -> AnyGains) {
-        let (config, chosen) = (
-            Config::<F::Gains>::default(),
-            Config::with_gains(any(F::Gains::default())),
-        );
+        let (config, chosen) =
+            (Config::<F::Gains>::default(), Config::with_gains(any(F::Gains::default())));
         let one = Estimator::<F>::new(&config, &Scale::BNO055, 6_667).expect("in range");
         let other = Estimator::<AnyFilter>::new(&chosen, &Scale::BNO055, 6_667).expect("in range");
         let (mut first, mut second) = (one.start(), other.start());

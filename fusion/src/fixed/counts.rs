@@ -35,11 +35,7 @@ pub struct Scale {
 impl Scale {
     /// BNO055 with its default units (data sheet tables 3-17, 3-19, 3-22): 16 counts per deg/s, 100
     /// per m/s^2, 16 per uT.
-    pub const BNO055: Self = Self {
-        gyr_rad_s: 0.001_090_830_8,
-        acc_m_s2: 0.01,
-        mag_ut: 0.0625,
-    };
+    pub const BNO055: Self = Self { gyr_rad_s: 0.001_090_830_8, acc_m_s2: 0.01, mag_ut: 0.0625 };
 
     /// Accepted rotation rates of a count, rad/s: up to 2340 deg/s at full scale.
     pub const GYR_RAD_S: RangeInclusive<f32> = 1e-5..=0.001_25;

@@ -213,9 +213,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
 
     /// The orientation, with geographic north if a declination was configured.
     pub fn orientation(&self, state: &State) -> Orientation {
-        let magnetic = Orientation {
-            wxyz_q30: self.sensors.ahead(state.rotation.q30(), &state.rates),
-        };
+        let magnetic =
+            Orientation { wxyz_q30: self.sensors.ahead(state.rotation.q30(), &state.rates) };
         match self.half_declination {
             Some(half) => magnetic.turned(half),
             None => magnetic,
@@ -319,11 +318,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
                 None => {}
             }
         }
-        let job = if long {
-            rest::NO_JOB
-        } else {
-            self.rest.add(&mut state.rest, &gyr, &counts.acc)
-        };
+        let job =
+            if long { rest::NO_JOB } else { self.rest.add(&mut state.rest, &gyr, &counts.acc) };
         let (mut step_us, mut shift) = (dt_us, self.turn_shift);
         if long {
             (step_us, shift) = self.long_step(state, dt_us, &gyr);
@@ -352,13 +348,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             let sine = self.compass.heading(compass, &products, &down, mag, tick);
             Heading { sine, samples }
         });
-        let view = View {
-            products: &products,
-            down: &down,
-            acc: &acc,
-            heading,
-            gains: &state.gains,
-        };
+        let view =
+            View { products: &products, down: &down, acc: &acc, heading, gains: &state.gains };
         let correction = self.filter.correction(&mut state.filter, &view);
         let (tilt, turn) = (correction.tilt, correction.heading);
         let pending = &mut state.rotation.pending;
@@ -469,10 +460,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         if dt_us * size(gyr) > self.max_rotation {
             dt_us = self.max_short_dt_us;
         }
-        (
-            dt_us >> (self.coarse_shift & 31),
-            self.turn_shift - self.coarse_shift,
-        )
+        (dt_us >> (self.coarse_shift & 31), self.turn_shift - self.coarse_shift)
     }
 }
 

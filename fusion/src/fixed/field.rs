@@ -234,10 +234,7 @@ impl Compass {
     fn compare(&self, state: &mut CompassState) {
         let [north, east, down] = state.seen;
         state.met = [length(north, east).max(self.min_horizontal), down];
-        let (dh, dv) = (
-            state.met[0] - state.reference[0],
-            state.met[1] - state.reference[1],
-        );
+        let (dh, dv) = (state.met[0] - state.reference[0], state.met[1] - state.reference[1]);
         state.margin = state.tolerance - dh.abs() - dv.abs();
         if state.margin >= 0 {
             let share = state.share & 31;
@@ -273,11 +270,7 @@ impl Compass {
             return;
         }
         state.rejected = state.rejected.wrapping_add(elapsed);
-        state.weight = if state.rejected > self.max_rejected {
-            FULL / 2
-        } else {
-            0
-        };
+        state.weight = if state.rejected > self.max_rejected { FULL / 2 } else { 0 };
         // Whether the field stays the same while the body turns. Its tolerance is its own: a strong
         // reference's would ignore any difference of weak fields. The larger part stands for the
         // length, to save time.

@@ -393,11 +393,7 @@ impl Filter for Vqf {
         state.carry = state.carry.map(|carry| carry & CARRY);
         let body = |n: i32, e: i32| (about_north * n + about_east * e) >> 2;
         Correction {
-            tilt: [
-                body(north[0], east[0]),
-                body(north[1], east[1]),
-                body(north[2], east[2]),
-            ],
+            tilt: [body(north[0], east[0]), body(north[1], east[1]), body(north[2], east[2])],
             heading: view.proportional_heading(),
         }
     }

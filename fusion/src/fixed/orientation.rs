@@ -40,11 +40,7 @@ impl Angles {
     pub fn sin_cos_q30(angle: i32) -> (i32, i32) {
         // Half a turn more where the rotation would not reach.
         let near = angle.wrapping_add(1 << 30) >= 0;
-        let mut left = if near {
-            angle
-        } else {
-            angle.wrapping_add(i32::MIN)
-        };
+        let mut left = if near { angle } else { angle.wrapping_add(i32::MIN) };
         // As much shorter as CORDIC lengthens.
         let (mut x, mut y) = (652_032_874, 0);
         for (bits, arc) in ARCS.iter().enumerate() {
@@ -119,9 +115,7 @@ impl Orientation {
             return Self::tilt_beyond(down_x, down_y, down_z);
         }
         let cos = down_z >> 13;
-        let per_sine = PER_SINE
-            .into_iter()
-            .fold(0, |sum, factor| ((sum * cos) >> 15) + factor);
+        let per_sine = PER_SINE.into_iter().fold(0, |sum, factor| ((sum * cos) >> 15) + factor);
         let part = |down: i32| ((down >> 13) * per_sine) >> 2;
         [part(-down_x), part(down_y)]
     }
@@ -162,10 +156,8 @@ impl Orientation {
         const LARGEST: i32 = 33_100;
         const ONE: i32 = 1 << 28;
         let parts = self.wxyz_q15();
-        let norm2_q28: i32 = parts
-            .iter()
-            .map(|part| (part.clamp(&-LARGEST, &LARGEST).pow(2)) >> 2)
-            .sum();
+        let norm2_q28: i32 =
+            parts.iter().map(|part| (part.clamp(&-LARGEST, &LARGEST).pow(2)) >> 2).sum();
         (norm2_q28 - ONE).abs() < ONE / 100
     }
 
@@ -176,9 +168,7 @@ impl Orientation {
     /// Turned about down: cosine and sine of half the angle, Q15.
     pub(super) fn turned(&self, (c, s): (i32, i32)) -> Self {
         let [w, x, y, z] = self.wxyz_q30.map(|c| c >> 15);
-        Self {
-            wxyz_q30: [c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w],
-        }
+        Self { wxyz_q30: [c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w] }
     }
 }
 
@@ -193,11 +183,7 @@ const LENGTH_ARCS: usize = 9;
 
 /// Angle and lengthened length of a vector (J. Volder's CORDIC, vectoring).
 fn polar(x: i32, y: i32, arcs: &[i32]) -> (i32, i32) {
-    let (mut x, mut y, mut angle) = if x < 0 {
-        (-x, -y, i32::MIN)
-    } else {
-        (x, y, 0i32)
-    };
+    let (mut x, mut y, mut angle) = if x < 0 { (-x, -y, i32::MIN) } else { (x, y, 0i32) };
     for (bits, arc) in arcs.iter().enumerate() {
         let (dx, dy) = (x >> bits, y >> bits);
         if y > 0 {
@@ -221,27 +207,19 @@ mod tests {
     use proptest::prelude::*;
 
     fn fixed(q: &Quaternion) -> Orientation {
-        Orientation {
-            wxyz_q30: [q.w, q.x, q.y, q.z].map(|c| (c * 1_073_741_824.0) as i32),
-        }
+        Orientation { wxyz_q30: [q.w, q.x, q.y, q.z].map(|c| (c * 1_073_741_824.0) as i32) }
     }
 
     #[test]
     fn the_axes_have_the_angles_that_one_expects() {
-        let level = Orientation {
-            wxyz_q30: [1 << 30, 0, 0, 0],
-        };
+        let level = Orientation { wxyz_q30: [1 << 30, 0, 0, 0] };
         let Angles { roll, pitch, yaw } = level.angles();
         for angle in [roll, pitch, yaw] {
             assert!(angle.abs() < 1 << 17, "{angle}");
         }
-        let quarter = Orientation {
-            wxyz_q30: [759_250_125, 0, 0, 759_250_125],
-        };
+        let quarter = Orientation { wxyz_q30: [759_250_125, 0, 0, 759_250_125] };
         assert!((quarter.angles().yaw - (1 << 30)).abs() < 1 << 17);
-        let nose_up = Orientation {
-            wxyz_q30: [759_250_125, 0, 759_250_125, 0],
-        };
+        let nose_up = Orientation { wxyz_q30: [759_250_125, 0, 759_250_125, 0] };
         assert!((nose_up.angles().pitch - (1 << 30)).abs() < 1 << 19);
     }
 
@@ -260,11 +238,7 @@ mod tests {
     #[test]
     fn turning_about_down_is_the_float_product() {
         let q = Quaternion::normalised(0.3f32, -0.5, 0.7, 0.1);
-        let turn = Quaternion::from_euler(&Euler {
-            roll_rad: 0.0,
-            pitch_rad: 0.0,
-            yaw_rad: 0.3,
-        });
+        let turn = Quaternion::from_euler(&Euler { roll_rad: 0.0, pitch_rad: 0.0, yaw_rad: 0.3 });
         let half = ((turn.w * 32_768.0) as i32, (turn.z * 32_768.0) as i32);
         let turned = fixed(&q).turned(half).quaternion();
         assert!(turned.angle_to(&turn.mul(&q)) < 2e-4);
@@ -286,9 +260,7 @@ mod tests {
             assert!(!accepted([part, 0.0, 0.0, 0.0]));
         }
         for part in [i32::MIN, i32::MAX] {
-            let corrupt = Orientation {
-                wxyz_q30: [part; 4],
-            };
+            let corrupt = Orientation { wxyz_q30: [part; 4] };
             assert!(!corrupt.is_rotation());
             corrupt.cos_tilt_q30();
         }
@@ -304,18 +276,12 @@ mod tests {
         let down_y = 2.0 * (y * z + w * x);
         let down_z = w * w - x * x - y * y + z * z;
         let across = down_x.hypot(down_y);
-        let per_sine = if across < 1e-12 {
-            1.0
-        } else {
-            across.atan2(down_z) / across
-        };
+        let per_sine = if across < 1e-12 { 1.0 } else { across.atan2(down_z) / across };
         [-down_x * per_sine, down_y * per_sine]
     }
 
     fn tilt_rad(q: &Quaternion) -> [f64; 2] {
-        fixed(q)
-            .tilt_q28()
-            .map(|part| f64::from(part) / 268_435_456.0)
+        fixed(q).tilt_q28().map(|part| f64::from(part) / 268_435_456.0)
     }
 
     #[test]
@@ -323,11 +289,7 @@ mod tests {
         use core::f32::consts::PI;
         for heading in [0.0, 0.5 * PI, 0.75 * PI, -2.0] {
             let turned = |roll_rad, pitch_rad| {
-                tilt_rad(&Quaternion::from_euler(&Euler {
-                    roll_rad,
-                    pitch_rad,
-                    yaw_rad: heading,
-                }))
+                tilt_rad(&Quaternion::from_euler(&Euler { roll_rad, pitch_rad, yaw_rad: heading }))
             };
             for angle in [-2.5_f32, -1.7, -0.6, 0.0, 0.2, 1.2, 1.5, 1.65, 2.5] {
                 let [pitch, roll] = turned(angle, 0.0);

@@ -111,9 +111,7 @@ impl Angle {
         let drift = self.drift.unsigned_abs() >> 14;
         let own = self.variance.unsigned_abs();
         let steady = q28(steady.min(UNKNOWN)).unsigned_abs();
-        let whole = own
-            .saturating_add(drift.saturating_mul(drift))
-            .saturating_add(steady);
+        let whole = own.saturating_add(drift.saturating_mul(drift)).saturating_add(steady);
         whole.min(q28(UNKNOWN).unsigned_abs())
     }
 }
@@ -251,11 +249,7 @@ impl Uncertainty {
     /// [`job::CLOSE`]: whether the block belonged to a rest that shows the offset, and whether it
     /// had an undisturbed field.
     pub(super) fn close(&self, state: &mut UncertaintyState, at_rest: bool, good_field: bool) {
-        state.field_age = if good_field {
-            0
-        } else {
-            state.field_age.saturating_add(1)
-        };
+        state.field_age = if good_field { 0 } else { state.field_age.saturating_add(1) };
         if at_rest {
             (state.bias, state.deviation) = (q40(BIAS_AT_REST * BIAS_AT_REST), q20(BIAS_AT_REST));
         } else if state.deviation < MOST_DEVIATION {
@@ -328,10 +322,7 @@ impl Uncertainty {
 impl UncertaintyState {
     pub(super) fn start() -> Self {
         Self {
-            tilt: Angle {
-                variance: q28(FIRST),
-                drift: 0,
-            },
+            tilt: Angle { variance: q28(FIRST), drift: 0 },
             bias: q40(BIAS_UNKNOWN * BIAS_UNKNOWN),
             deviation: q20(BIAS_UNKNOWN),
             field_age: u32::MAX,
@@ -365,15 +356,11 @@ impl UncertaintyState {
     /// Whether an update can have left these numbers.
     pub(super) fn is_sound(&self) -> bool {
         let angles = [self.tilt, self.heading];
-        let mut parts = angles
-            .iter()
-            .flat_map(|angle| [angle.variance, angle.drift]);
+        let mut parts = angles.iter().flat_map(|angle| [angle.variance, angle.drift]);
         parts.all(|part| (0..=q28(UNKNOWN)).contains(&part))
             && (0..=MOST_DEVIATION * MOST_DEVIATION + (1 << 16)).contains(&self.bias)
             && (0..=MOST_DEVIATION).contains(&self.deviation)
-            && [self.drift, self.walk]
-                .iter()
-                .all(|growth| (0..=MOST_GROWTH).contains(growth))
+            && [self.drift, self.walk].iter().all(|growth| (0..=MOST_GROWTH).contains(growth))
     }
 }
 

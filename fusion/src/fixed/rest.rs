@@ -226,11 +226,7 @@ impl Rest {
     fn decide(&self, state: &mut RestState, bias: &mut [Q9; 3]) {
         let learns = state.missing <= state.early;
         let (moved, is_fast) = (state.moved != 0, state.is_fast != 0);
-        state.refused = if is_fast && !moved {
-            (state.refused + 1).min(self.needed)
-        } else {
-            0
-        };
+        state.refused = if is_fast && !moved { (state.refused + 1).min(self.needed) } else { 0 };
         if moved || is_fast {
             state.missing = self.needed;
             if state.early != 0 {

@@ -86,31 +86,19 @@ impl Products {
     // Twice the sums: 14 bits are cut for Q15.
     #[inline(always)]
     pub(super) fn north(&self) -> [Q15; 3] {
-        [
-            (self.base + self.xx) >> 14,
-            (self.xy - self.wz) >> 14,
-            (self.xz + self.wy) >> 14,
-        ]
+        [(self.base + self.xx) >> 14, (self.xy - self.wz) >> 14, (self.xz + self.wy) >> 14]
     }
 
     /// East in the body frame.
     #[inline(always)]
     pub(super) fn east(&self) -> [Q15; 3] {
-        [
-            (self.xy + self.wz) >> 14,
-            (self.base + self.yy) >> 14,
-            (self.yz - self.wx) >> 14,
-        ]
+        [(self.xy + self.wz) >> 14, (self.base + self.yy) >> 14, (self.yz - self.wx) >> 14]
     }
 
     /// Down in the body frame.
     #[inline(always)]
     pub(super) fn down(&self) -> [Q15; 3] {
-        [
-            (self.xz - self.wy) >> 14,
-            (self.yz + self.wx) >> 14,
-            (self.base + self.zz) >> 14,
-        ]
+        [(self.xz - self.wy) >> 14, (self.yz + self.wx) >> 14, (self.base + self.zz) >> 14]
     }
 }
 
@@ -218,11 +206,7 @@ impl Rotation {
 /// Vector product: of a row and counts Q15 counts.
 #[inline(always)]
 pub(super) fn cross(v: &[i32; 3], u: &[i32; 3]) -> [i32; 3] {
-    [
-        v[1] * u[2] - v[2] * u[1],
-        v[2] * u[0] - v[0] * u[2],
-        v[0] * u[1] - v[1] * u[0],
-    ]
+    [v[1] * u[2] - v[2] * u[1], v[2] * u[0] - v[0] * u[2], v[0] * u[1] - v[1] * u[0]]
 }
 
 /// Scalar product of a row and counts: Q15 counts.

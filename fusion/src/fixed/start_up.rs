@@ -193,10 +193,7 @@ impl Schedule {
             next_drop: self.first_drop,
         };
         let gains = Gains {
-            tilt: Gain {
-                factor: 0,
-                shift: MIN_TILT_SHIFT,
-            },
+            tilt: Gain { factor: 0, shift: MIN_TILT_SHIFT },
             heading: self.heading.own,
             acc_limit: self.acc_limit,
             settled: 0,
@@ -317,12 +314,9 @@ mod tests {
             (gain / own / 512.0, gains.settled)
         };
         let first = 1.0 / 8.0;
-        for (blocks, expected) in [
-            (2, first),
-            (2, first / 16.0),
-            (4, first / 32.0),
-            (8, first / 64.0),
-        ] {
+        for (blocks, expected) in
+            [(2, first), (2, first / 16.0), (4, first / 32.0), (8, first / 64.0)]
+        {
             for _ in 0..blocks {
                 assert_eq!(tilt_gain(), (expected, 0));
             }

@@ -38,9 +38,7 @@ pub(crate) fn generated() -> Vec<Input> {
                 _ => 1.5,
             };
             let rate = wave(t).map(|part| part * speed);
-            truth = truth.mul(&Quaternion::from_rotation_vector(
-                &rate.map(|part| part * 0.01),
-            ));
+            truth = truth.mul(&Quaternion::from_rotation_vector(&rate.map(|part| part * 0.01)));
             let back = |v: [f64; 3]| -> [f64; 3] { truth.conj().rotate(&v) };
             let shake = wave(7.0 * t).map(|part| part * speed);
             let mut acc = back([shake[0], shake[1], shake[2] - f64::from(GRAVITY)]);
@@ -86,10 +84,7 @@ pub(crate) fn generated() -> Vec<Input> {
 
 /// The recording, in counts of the same worth.
 pub(crate) fn recorded() -> Vec<Input> {
-    const PATH: &str = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../tests/data/broad_11_cut.imuq"
-    );
+    const PATH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data/broad_11_cut.imuq");
     let bytes = std::fs::read(PATH).expect("it is in the repository");
     let scale = |at: usize| {
         let word = [0, 1, 2, 3].map(|i| bytes[at + i]);

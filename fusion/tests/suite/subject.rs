@@ -102,9 +102,7 @@ pub(crate) fn sample(truth: &UnitQuaternion<f64>, rate: Vector3<f64>, mag: bool)
     let back = truth.inverse();
     Sample {
         gyr: rate.cast().into(),
-        acc: (back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY)))
-            .cast()
-            .into(),
+        acc: (back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast().into(),
         mag: mag.then(|| (back * field_ned()).cast().into()),
     }
 }
@@ -150,11 +148,8 @@ pub(crate) fn motion(
     let mut truth = start;
     (0..steps).map(move |k| {
         let t = f64::from(k) * 0.01;
-        let rate = Vector3::new(
-            2.0 * (1.3 * t).sin(),
-            1.5 * (0.7 * t).cos(),
-            3.0 * (0.9 * t).sin(),
-        );
+        let rate =
+            Vector3::new(2.0 * (1.3 * t).sin(), 1.5 * (0.7 * t).cos(), 3.0 * (0.9 * t).sin());
         truth *= UnitQuaternion::from_scaled_axis(rate * 0.01);
         (rate, truth)
     })

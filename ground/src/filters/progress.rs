@@ -22,20 +22,11 @@ impl Progress {
     /// Begins, for so much work.
     pub fn new(whole: u64) -> Self {
         let terminal = std::io::stderr().is_terminal();
-        let bar = if terminal {
-            ProgressBar::new(whole)
-        } else {
-            ProgressBar::hidden()
-        };
+        let bar = if terminal { ProgressBar::new(whole) } else { ProgressBar::hidden() };
         if let Ok(style) = ProgressStyle::with_template("{wide_bar} {percent:>3} %  {eta}  {msg}") {
             bar.set_style(style);
         }
-        Self {
-            bar,
-            due: (!terminal).then(|| Instant::now() + INTERVAL),
-            whole,
-            done: 0,
-        }
+        Self { bar, due: (!terminal).then(|| Instant::now() + INTERVAL), whole, done: 0 }
     }
 
     /// Reports that so much of the part `name` is done.

@@ -309,14 +309,9 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
         let pointed = link.as_mut().map_or(Ok(()), |link| link.point_to(path));
         pointed.map_err(std::io::Error::other)
     };
-    let summary = running
-        .run(longest, stop, &mut report, &mut plugged)
-        .context("the rig")?;
+    let summary = running.run(longest, stop, &mut report, &mut plugged).context("the rig")?;
     choice.keep(running.rig())?;
-    eprintln!(
-        "ran for {:.1} s: {} control steps",
-        summary.seconds, summary.steps
-    );
+    eprintln!("ran for {:.1} s: {} control steps", summary.seconds, summary.steps);
     if summary.lost_s > 0.0 {
         eprintln!(
             "this machine was too slow for real time: the rig's clock lost {:.1} s",
@@ -354,10 +349,7 @@ impl Link {
     /// [`BadInput`] if something else is there, or another rig has it.
     fn claim(path: &Path) -> Result<Self> {
         let refuse = |why: &str| {
-            BadInput::new(format!(
-                "{} {why}; give --link another path",
-                path.display()
-            ))
+            BadInput::new(format!("{} {why}; give --link another path", path.display()))
         };
         match std::fs::symlink_metadata(path) {
             Ok(there) if !there.is_symlink() => {
@@ -379,20 +371,13 @@ impl Link {
                 None
             }
         };
-        Ok(Self {
-            path: path.to_owned(),
-            target: None,
-            control,
-        })
+        Ok(Self { path: path.to_owned(), target: None, control })
     }
 
     fn point_to(&mut self, target: &Path) -> Result<()> {
         let _ = std::fs::remove_file(&self.path);
         std::os::unix::fs::symlink(target, &self.path).map_err(|error| {
-            BadInput::new(format!(
-                "cannot make the link {}: {error}",
-                self.path.display()
-            ))
+            BadInput::new(format!("cannot make the link {}: {error}", self.path.display()))
         })?;
         self.target = Some(target.to_owned());
         Ok(())
@@ -403,10 +388,7 @@ impl Link {
 /// is no file any more.
 #[cfg(unix)]
 fn is_terminal(path: &Path) -> bool {
-    path.starts_with("/dev/pts")
-        || path
-            .to_str()
-            .is_some_and(|path| path.starts_with("/dev/ttys"))
+    path.starts_with("/dev/pts") || path.to_str().is_some_and(|path| path.starts_with("/dev/ttys"))
 }
 
 #[cfg(unix)]
@@ -432,10 +414,7 @@ mod tests {
             Ok(link) => Ok(link),
             Err(refused) => Err(refused.to_string()),
         };
-        for (target, why) in [
-            ("notes.txt", "no pseudo-terminal"),
-            ("/dev/null", "no pseudo"),
-        ] {
+        for (target, why) in [("notes.txt", "no pseudo-terminal"), ("/dev/null", "no pseudo")] {
             symlink(target, &path).unwrap();
             let refused = claimed(&path).err().unwrap();
             assert!(refused.contains(why), "{refused}");

@@ -129,9 +129,7 @@ pub fn run(options: &Replay) -> Result<Verdict> {
     (found.missed, found.lost) = (flight.missed(), flight.lost());
     found.gaps_s = gaps_s(&flight);
     (found.refused, found.changed) = (refused, changed);
-    let chosen = options
-        .filter
-        .or(options.offline.then_some(FilterName::Vqf));
+    let chosen = options.filter.or(options.offline.then_some(FilterName::Vqf));
     let other = chosen
         .map(|chosen| filter::pitches(chosen, options.offline, &flight, &flight.parameters()));
     let other = other.transpose()?;
@@ -168,10 +166,7 @@ fn gaps_s(flight: &log::Flight) -> Vec<f64> {
 impl Comparison {
     /// For a person and for `--json`.
     pub fn figures(&self) -> Figures {
-        let stretches = self
-            .compared_s
-            .iter()
-            .map(|[from, to]| format!("{from:.3} to {to:.3} s"));
+        let stretches = self.compared_s.iter().map(|[from, to]| format!("{from:.3} to {to:.3} s"));
         let gaps = self.gaps_s.iter().map(|at_s| format!("{at_s:.3} s"));
         let mut figures = vec![
             figure("steps", self.steps).shown("control steps", "", 0),
@@ -205,14 +200,8 @@ impl Comparison {
                 .scaled(1_f64.to_degrees())
         }));
         if !self.changed.is_empty() {
-            let changed = self
-                .changed
-                .iter()
-                .map(|(name, value)| format!("{name} = {value}"));
-            figures.push(note(format!(
-                "with {}",
-                changed.collect::<Vec<_>>().join(", ")
-            )));
+            let changed = self.changed.iter().map(|(name, value)| format!("{name} = {value}"));
+            figures.push(note(format!("with {}", changed.collect::<Vec<_>>().join(", "))));
         } else if self.compared == 0 {
             figures.push(note(
                 "nothing to compare bit for bit: the log holds neither the beginning of an estimate \
@@ -235,9 +224,7 @@ pub fn replay(
 ) -> Result<(Vec<Pair>, Vec<String>)> {
     let mut params = flight.parameters();
     for (name, value) in changed {
-        params
-            .set(name, *value)
-            .map_err(|error| BadInput::new(format!("{name}: {error}")))?;
+        params.set(name, *value).map_err(|error| BadInput::new(format!("{name}: {error}")))?;
     }
     let mut run = Run {
         flight: Flight::new(params, BootReport::default())
@@ -420,33 +407,22 @@ impl Run {
         if known.is_some_and(|known| known != value)
             && let Err(error) = self.flight.set_param(name, value)
         {
-            self.refused.push(format!(
-                "{:.3} s: {name} = {value}: {error}",
-                self.now.0 as f64 * 1e-6
-            ));
+            self.refused
+                .push(format!("{:.3} s: {name} = {value}: {error}", self.now.0 as f64 * 1e-6));
         }
     }
 }
 
 fn compare(pairs: &[Pair]) -> Comparison {
-    let mut found = Comparison {
-        steps: pairs.len(),
-        ..Comparison::default()
-    };
+    let mut found = Comparison { steps: pairs.len(), ..Comparison::default() };
     let stretches = pairs.chunk_by(|a, b| a.exact == b.exact);
     let ends = stretches.filter_map(|stretch| Some((stretch.first()?, stretch.last()?)));
     let compared = ends.filter(|(first, _)| first.exact);
-    found.compared_s = compared
-        .map(|(first, last)| [first.logged.time_s(), last.logged.time_s()])
-        .collect();
+    found.compared_s =
+        compared.map(|(first, last)| [first.logged.time_s(), last.logged.time_s()]).collect();
     // Before the first step whose past is known there is nothing to compare.
     let known = pairs.iter().position(|pair| pair.exact).unwrap_or(0);
-    for Pair {
-        logged,
-        again,
-        exact,
-    } in &pairs[known..]
-    {
+    for Pair { logged, again, exact } in &pairs[known..] {
         let pitch = (logged.pitch_rad() - again.pitch_rad()).abs();
         found.pitch_difference_rad_max = found.pitch_difference_rad_max.max(pitch);
         for (logged, again) in logged.pulses_us.iter().zip(again.pulses_us) {

@@ -102,9 +102,8 @@ pub fn conclude(
     page: Option<&Path>,
     json: bool,
 ) -> Result<Verdict> {
-    let page = page
-        .map(|path| anyhow::Ok((path, page::render(log, flight, &figures)?)))
-        .transpose()?;
+    let page =
+        page.map(|path| anyhow::Ok((path, page::render(log, flight, &figures)?))).transpose()?;
     figures.conclude(json, page)
 }
 
@@ -134,20 +133,13 @@ fn axis_figures(releases: &[Release], axis: Axis, servo: ServoKind) -> Vec<Figur
         Axis::Pitch => (["runs", "hold", "sweep"], None),
         Axis::Roll => (["roll_runs", "roll_hold", "roll_sweep"], Some("roll")),
     };
-    let runs = releases
-        .iter()
-        .filter_map(|release| response(release, axis));
+    let runs = releases.iter().filter_map(|release| response(release, axis));
     let run = |run: Run| {
         let axis = name.map(|name| shown("axis", name));
-        axis.into_iter()
-            .chain(run.figures(servo))
-            .collect::<Vec<_>>()
+        axis.into_iter().chain(run.figures(servo)).collect::<Vec<_>>()
     };
     let hold = |(index, release)| hold_figures(index, release, axis);
-    let sweeps: Vec<_> = releases
-        .iter()
-        .map(|release| Sweep::of(release, axis))
-        .collect();
+    let sweeps: Vec<_> = releases.iter().map(|release| Sweep::of(release, axis)).collect();
     let mut figures = vec![
         rows(runs_key, runs.map(run)),
         rows(hold_key, releases.iter().enumerate().map(hold)),
@@ -212,12 +204,7 @@ fn loop_figures(flight: &Flight) -> Figure {
             figure("jitter_us_max", timing.jitter_us_max)
                 .shown("jitter, worst", "us", 1)
                 .limit(requirements::JITTER_US),
-            spread(
-                "sample_to_step_us",
-                timing.sample_to_step_us,
-                "burst start to step",
-                None,
-            ),
+            spread("sample_to_step_us", timing.sample_to_step_us, "burst start to step", None),
             count("missed", flight.missed(), "control steps without a sample"),
         ],
     )
@@ -275,15 +262,8 @@ fn loop_timing(flight: &Flight) -> LoopTiming {
     }
     let period: Spread = periods.iter().copied().collect();
     LoopTiming {
-        rate_hz: if period.count > 0 {
-            1e6 / period.mean
-        } else {
-            0.0
-        },
-        jitter_us_max: periods
-            .iter()
-            .map(|us| (us - period.mean).abs())
-            .fold(0.0, f64::max),
+        rate_hz: if period.count > 0 { 1e6 / period.mean } else { 0.0 },
+        jitter_us_max: periods.iter().map(|us| (us - period.mean).abs()).fold(0.0, f64::max),
         sample_to_step_us: delays.into_iter().collect(),
     }
 }
@@ -344,10 +324,8 @@ mod tests {
         let before = (0..100).map(|index| step(index * 6_667));
         let after = (101..200).map(|index| step(index * 6_667));
         let told = Event::Parameter("I2C_STRETCH_US".into(), 191.0);
-        let mut flight = Flight {
-            events: before.chain([told]).chain(after).collect(),
-            ..Flight::default()
-        };
+        let mut flight =
+            Flight { events: before.chain([told]).chain(after).collect(), ..Flight::default() };
         assert!(loop_timing(&flight).jitter_us_max < 1.0);
         flight.events.remove(100);
         assert!(loop_timing(&flight).jitter_us_max > 6_000.0);
@@ -364,10 +342,8 @@ mod tests {
                 ..Step::level(u64::from(index) * 6_667)
             })
         };
-        let begin = [
-            Event::Parameter("AXES".into(), axes),
-            Event::State(StateCode::Active.number()),
-        ];
+        let begin =
+            [Event::Parameter("AXES".into(), axes), Event::State(StateCode::Active.number())];
         Flight {
             events: begin.into_iter().chain((0..450).map(step)).collect(),
             ..Flight::default()
@@ -380,10 +356,7 @@ mod tests {
         assert_eq!(object["runs"].as_array().map(Vec::len), Some(0));
         assert_eq!(object["hold"].as_array().map(Vec::len), Some(1));
         let run = &object["roll_runs"][0];
-        assert!(
-            (run["start_rad"].as_f64().unwrap() - 0.3).abs() < 1e-6,
-            "{run}"
-        );
+        assert!((run["start_rad"].as_f64().unwrap() - 0.3).abs() < 1e-6, "{run}");
         assert!(run["settling_5pct_s"].as_f64().unwrap() < 1.0, "{run}");
         assert_eq!(object["roll_hold"].as_array().map(Vec::len), Some(1));
         let flight = rolled(2.0);

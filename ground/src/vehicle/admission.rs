@@ -76,13 +76,7 @@ mod tests {
         for own in ["127.0.0.1", "127.8.9.1", "::1", "::ffff:127.0.0.1"] {
             assert!(admits(&closed, own), "{own}");
         }
-        for other in [
-            "192.168.1.20",
-            "0.0.0.0",
-            "::",
-            "::ffff:192.168.1.20",
-            "fe80::1",
-        ] {
+        for other in ["192.168.1.20", "0.0.0.0", "::", "::ffff:192.168.1.20", "fe80::1"] {
             assert!(!admits(&closed, other), "{other}");
         }
         let one = admission(&["192.168.1.20"]);

@@ -59,10 +59,9 @@ pub fn disarm(options: &Operate) -> Result<Verdict> {
         follow(&mut vehicle, request::DISARM, obeyed)?;
     }
     let state = vehicle.link().client().state_name();
-    let words = fault.as_ref().map_or_else(
-        || state.clone(),
-        |fault| format!("disarmed; fault remains: {fault}"),
-    );
+    let words = fault
+        .as_ref()
+        .map_or_else(|| state.clone(), |fault| format!("disarmed; fault remains: {fault}"));
     let figures = Figures::from([
         figure("state", state),
         figure("fault", fault.map(|fault| fault.to_string())),

@@ -89,11 +89,7 @@ pub fn run(options: &Flash) -> Result<Verdict> {
 fn write_files(options: &Flash, firmware: &Firmware) -> Result<Verdict> {
     let (address, bytes) = (firmware.image.address(), firmware.image.bytes());
     let say = |path: &Path| {
-        eprintln!(
-            "wrote {}: {} bytes of image for 0x{address:04X}",
-            path.display(),
-            bytes.len()
-        );
+        eprintln!("wrote {}: {} bytes of image for 0x{address:04X}", path.display(), bytes.len());
     };
     if let Some(path) = &options.elf {
         write_whole(path, &firmware.elf)?;
@@ -104,11 +100,7 @@ fn write_files(options: &Flash, firmware: &Firmware) -> Result<Verdict> {
         say(path);
     }
     if let Some(path) = &options.uf2 {
-        let path = if path.is_dir() {
-            path.join("tvc-nano.uf2")
-        } else {
-            path.clone()
-        };
+        let path = if path.is_dir() { path.join("tvc-nano.uf2") } else { path.clone() };
         let blocks = uf2::encode(address, bytes);
         if is_on_a_bootloader(&path) {
             write_to_bootloader(&path, &blocks)?;
@@ -135,8 +127,7 @@ fn check_drive(path: &Path) -> Result<()> {
 /// True for a file on the drive of a UF2 bootloader, which has this text file (UF2 specification,
 /// "Files exposed by bootloaders").
 fn is_on_a_bootloader(path: &Path) -> bool {
-    path.parent()
-        .is_some_and(|drive| drive.join("INFO_UF2.TXT").exists())
+    path.parent().is_some_and(|drive| drive.join("INFO_UF2.TXT").exists())
 }
 
 /// A bootloader takes blocks under any name and resets after the last one. A file that is first

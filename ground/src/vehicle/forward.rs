@@ -135,8 +135,6 @@ fn socket(to: SocketAddr) -> Result<UdpSocket> {
         SocketAddr::V6(_) => (std::net::Ipv6Addr::UNSPECIFIED, 0).into(),
     };
     let socket = UdpSocket::bind(local).with_context(|| format!("opening a socket for {to}"))?;
-    socket
-        .set_nonblocking(true)
-        .context("setting up a socket")?;
+    socket.set_nonblocking(true).context("setting up a socket")?;
     Ok(socket)
 }

@@ -103,11 +103,7 @@ fn look(options: &PortOptions) -> Found {
         ..Found::default()
     };
     let port = match &options.rig {
-        Some(_) => Ok(PortFound {
-            name: "the rig".to_owned(),
-            nano: true,
-            ..PortFound::default()
-        }),
+        Some(_) => Ok(PortFound { name: "the rig".to_owned(), nano: true, ..PortFound::default() }),
         None => port::find(options.port.as_deref()).map(PortFound::named),
     };
     let told = port.and_then(|port| {
@@ -126,19 +122,11 @@ fn look(options: &PortOptions) -> Found {
 /// What was found and what follows, a line each.
 fn figures(found: &Found, standing: Standing, next: &str) -> Figures {
     let files = config::files();
-    let mut figures = vec![
-        figure("tool", TOOL).shown("tool", "", 0),
-        data("configuration", &files),
-    ];
-    figures.extend(
-        files
-            .iter()
-            .map(|file| shown("configuration", file.display().to_string())),
-    );
+    let mut figures =
+        vec![figure("tool", TOOL).shown("tool", "", 0), data("configuration", &files)];
+    figures.extend(files.iter().map(|file| shown("configuration", file.display().to_string())));
     let image = found.image.as_ref();
-    let image = image.map_or("none".into(), |image| {
-        format!("{}, {}", image.build, image.from)
-    });
+    let image = image.map_or("none".into(), |image| format!("{}, {}", image.build, image.from));
     figures.push(data("image", &found.image).said("image", image));
     let port = found.port.as_ref();
     let name = port.map_or("none".into(), PortFound::words);

@@ -60,11 +60,7 @@ impl Link {
 
     /// A client at an open port.
     pub fn at(way: impl Way + 'static) -> Self {
-        Self {
-            way: Box::new(way),
-            client: Client::default(),
-            log: None,
-        }
+        Self { way: Box::new(way), client: Client::default(), log: None }
     }
 
     /// Sends no heartbeats of its own: another ground station does.

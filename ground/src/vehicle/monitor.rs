@@ -154,9 +154,7 @@ fn beside(status: &Status) -> String {
         format!("  second {angle_deg:+5.1} deg ({} us)", second.pulse_us)
     });
     let known = |what: &str, sd_deg: Option<f32>| {
-        sd_deg.map_or_else(String::new, |sd_deg| {
-            format!("  {what} \u{b1} {sd_deg:.1} deg")
-        })
+        sd_deg.map_or_else(String::new, |sd_deg| format!("  {what} \u{b1} {sd_deg:.1} deg"))
     };
     second.unwrap_or_default()
         + &known("tilt", status.tilt_sd_deg)
@@ -216,17 +214,12 @@ impl Screen {
             bar
         };
         let bars = (0..5 + TEXTS).map(|_| bar()).collect();
-        Self {
-            _all: all,
-            bars,
-            texts: Vec::new(),
-        }
+        Self { _all: all, bars, texts: Vec::new() }
     }
 
     fn show(&mut self, status: &Status) {
         for text in &status.texts {
-            self.texts
-                .push(format!("{:10.3} s  {text}", status.timestamp));
+            self.texts.push(format!("{:10.3} s  {text}", status.timestamp));
         }
         let old = self.texts.len().saturating_sub(TEXTS);
         self.texts.drain(..old);

@@ -167,9 +167,7 @@ impl Way for OnRig {
 impl Drop for OnRig {
     fn drop(&mut self) {
         // What was written last has reached the vehicle.
-        let kept = self
-            .slice()
-            .and_then(|_| self.choice.keep(&self.attended.rig));
+        let kept = self.slice().and_then(|_| self.choice.keep(&self.attended.rig));
         if let Err(error) = kept {
             eprintln!("{error:#}");
         }

@@ -36,10 +36,9 @@ pub fn run(options: &Param) -> Result<Verdict> {
     let wanted = match &options.action {
         ParamAction::Diff { file } => file.as_deref().map(param_file::read).transpose()?,
         ParamAction::Load { file, .. } => Some(param_file::read(file)?),
-        ParamAction::Reset { names, .. } => Some(File {
-            rows: defaults(names)?,
-            names_polarity: false,
-        }),
+        ParamAction::Reset { names, .. } => {
+            Some(File { rows: defaults(names)?, names_polarity: false })
+        }
         _ => None,
     };
     if wanted.as_ref().is_some_and(|file| file.names_polarity) {
@@ -62,11 +61,7 @@ pub fn run(options: &Param) -> Result<Verdict> {
         ParamAction::Set { name, value } => {
             vehicle.set_parameter(name, *value)?;
             let (name, value) = (name.clone(), *value);
-            done(
-                json,
-                [data("set", &json!({ &name: value }))],
-                format!("{name} = {value}"),
-            )?;
+            done(json, [data("set", &json!({ &name: value }))], format!("{name} = {value}"))?;
             let row = Row::of(&Parameter { name, value }, vehicle.parameter(LAW).ok());
             row.note().inspect(|note| eprintln!("{note}"));
             Ok(Verdict::Met)
@@ -124,19 +119,12 @@ fn show(parameters: &[Row], json: bool) -> Result<Verdict> {
 fn differences(have: &[Parameter], wanted: Option<&[Parameter]>) -> Vec<Difference> {
     let defaults = Params::default();
     let other = |name: &str| match wanted {
-        Some(file) => file
-            .iter()
-            .find(|row| row.name == name)
-            .map(|row| row.value),
+        Some(file) => file.iter().find(|row| row.name == name).map(|row| row.value),
         None => defaults.value(name).filter(|_| !is_measured(name)),
     };
     let difference = |row: &Parameter| {
         let other = other(&row.name).filter(|other| *other != row.value)?;
-        Some(Difference {
-            name: row.name.clone(),
-            vehicle: row.value,
-            other,
-        })
+        Some(Difference { name: row.name.clone(), vehicle: row.value, other })
     };
     have.iter().filter_map(difference).collect()
 }
@@ -145,9 +133,8 @@ fn diff(have: &[Parameter], wanted: Option<&[Parameter]>, json: bool) -> Result<
     let differences = differences(have, wanted);
     let other = if wanted.is_some() { "file" } else { "default" };
     let unknown = wanted.unwrap_or_default().iter().map(|row| &row.name);
-    let unknown: Vec<&String> = unknown
-        .filter(|name| have.iter().all(|row| row.name != **name))
-        .collect();
+    let unknown: Vec<&String> =
+        unknown.filter(|name| have.iter().all(|row| row.name != **name)).collect();
     let row = |row: &Difference| {
         [
             shown("parameter", &row.name),
@@ -156,11 +143,7 @@ fn diff(have: &[Parameter], wanted: Option<&[Parameter]>, json: bool) -> Result<
         ]
     };
     let shown = rows("", differences.iter().map(row));
-    let figures = [
-        data("differences", &differences),
-        data("unknown", &unknown),
-        shown,
-    ];
+    let figures = [data("differences", &differences), data("unknown", &unknown), shown];
     Figures::from(figures).conclude(json, None)?;
     for name in &unknown {
         eprintln!("{name} is in the file and not in the vehicle");
@@ -199,19 +182,10 @@ fn load(
     let count = changes.len();
     done(
         json,
-        [
-            figure("changed", count),
-            data("differences", &changes),
-            data("left", &left),
-        ],
+        [figure("changed", count), data("differences", &changes), data("left", &left)],
         format!("{count} of {} changed", wanted.len()),
     )?;
-    for Difference {
-        name,
-        vehicle,
-        other,
-    } in &left
-    {
+    for Difference { name, vehicle, other } in &left {
         eprintln!("{name} is {vehicle} in the vehicle, {other} in the file");
     }
     Ok(Verdict::of(left.is_empty()))
@@ -220,10 +194,7 @@ fn load(
 /// The defaults of the parameters with these names.
 fn defaults(names: &[String]) -> Result<Vec<Parameter>> {
     let default = |name: &String| match Params::default().value(name) {
-        Some(value) => Ok(Parameter {
-            name: name.clone(),
-            value,
-        }),
+        Some(value) => Ok(Parameter { name: name.clone(), value }),
         None => Err(BadInput::new(format!(
             "this tool knows no parameter {name}; `tvc param list` shows them"
         ))
@@ -282,36 +253,22 @@ mod tests {
     use super::*;
 
     fn row(name: &str, value: f32) -> Parameter {
-        Parameter {
-            name: name.into(),
-            value,
-        }
+        Parameter { name: name.into(), value }
     }
 
     #[test]
     fn differences_are_to_the_file_or_to_the_defaults() {
         let kd = Params::default().pid_kd();
         let measured = row("CLK_FINE", 512.0);
-        let have = [
-            row("PID_KP", 1.5),
-            row("PID_KD", kd),
-            row("NEW", 7.0),
-            measured,
-        ];
+        let have = [row("PID_KP", 1.5), row("PID_KD", kd), row("NEW", 7.0), measured];
         let names = |differences: Vec<Difference>| -> Vec<(String, f32)> {
             let pairs = differences.into_iter().map(|row| (row.name, row.other));
             pairs.collect()
         };
         let default = Params::default().pid_kp();
-        assert_eq!(
-            names(differences(&have, None)),
-            [("PID_KP".to_owned(), default)]
-        );
+        assert_eq!(names(differences(&have, None)), [("PID_KP".to_owned(), default)]);
         let file = [row("PID_KD", 0.2), row("PID_KP", 1.5)];
-        assert_eq!(
-            names(differences(&have, Some(&file))),
-            [("PID_KD".to_owned(), 0.2)]
-        );
+        assert_eq!(names(differences(&have, Some(&file))), [("PID_KD".to_owned(), 0.2)]);
     }
 
     #[cfg(unix)]

@@ -73,10 +73,7 @@ fn listed(port: &SerialPortInfo) -> [Figure; 6] {
     [
         figure("port", &*port.port_name).shown("port", "", 0),
         figure("nano", life.is_some()),
-        text("usb", |usb| {
-            Some(format!("{:04x}:{:04x}", usb.vid, usb.pid))
-        })
-        .shown("USB", "", 0),
+        text("usb", |usb| Some(format!("{:04x}:{:04x}", usb.vid, usb.pid))).shown("USB", "", 0),
         text("product", |usb| usb.product.clone()).shown("product", "", 0),
         shown("board", Life::words(life)),
         text("serial_number", |usb| usb.serial_number.clone()),
@@ -183,10 +180,8 @@ impl Port {
     /// [`BadInput`] for a port that is not there, is in use or is no port.
     pub fn open(wanted: Option<&str>) -> Result<Self> {
         let name = find(wanted)?;
-        let opened = serialport::new(&name, BAUD)
-            .timeout(Duration::from_secs(1))
-            .dtr_on_open(true)
-            .open();
+        let opened =
+            serialport::new(&name, BAUD).timeout(Duration::from_secs(1)).dtr_on_open(true).open();
         let port = opened.map_err(|error| refused(&name, &error.into()))?;
         // Drops what an earlier program left unread.
         let _ = port.clear(ClearBuffer::Input);
@@ -200,10 +195,7 @@ impl Port {
     }
 
     fn gone(&self, error: &io::Error) -> anyhow::Error {
-        anyhow::anyhow!(
-            "{} went away: unplugged, or the rig has ended ({error})",
-            self.name
-        )
+        anyhow::anyhow!("{} went away: unplugged, or the rig has ended ({error})", self.name)
     }
 }
 
@@ -236,10 +228,8 @@ impl Way for Port {
 
     fn write(&mut self, bytes: &[u8]) -> Result<()> {
         let timeout = self.port.set_timeout(Duration::from_secs(1));
-        timeout
-            .map_err(io::Error::from)
-            .and_then(|()| self.port.write_all(bytes))
-            .map_err(|error| match error.kind() {
+        timeout.map_err(io::Error::from).and_then(|()| self.port.write_all(bytes)).map_err(
+            |error| match error.kind() {
                 ErrorKind::TimedOut => {
                     anyhow::anyhow!(
                         "{} takes no more data: does the firmware still run?",
@@ -247,7 +237,8 @@ impl Way for Port {
                     )
                 }
                 _ => self.gone(&error),
-            })
+            },
+        )
     }
 
     fn reopen(&mut self) -> Result<()> {
@@ -269,10 +260,7 @@ impl Way for Port {
 }
 
 fn is_nothing(error: &io::Error) -> bool {
-    matches!(
-        error.kind(),
-        ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock
-    )
+    matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock)
 }
 
 #[cfg(test)]

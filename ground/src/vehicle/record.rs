@@ -92,10 +92,7 @@ pub fn run(options: &Record) -> Result<Verdict> {
             break;
         }
         let counts = vehicle.link().client().counts();
-        bar.set_message(format!(
-            "{} messages, {} lost",
-            counts.messages, counts.lost
-        ));
+        bar.set_message(format!("{} messages, {} lost", counts.messages, counts.lost));
         bar.tick();
     }
     bar.finish_and_clear();

@@ -63,9 +63,7 @@ pub fn flight(bytes: &[u8], parameters: Vec<Parameter>) -> Result<Flight> {
     }
     let mut flight = Flight::default();
     let told = parameters.into_iter();
-    flight
-        .events
-        .extend(told.map(|row| Event::Parameter(row.name, row.value)));
+    flight.events.extend(told.map(|row| Event::Parameter(row.name, row.value)));
     let (mut code, mut now_us) = (None, None);
     for step in steps.iter().map(recorder::Step::decode) {
         if code.replace(step.code) != Some(step.code) {
@@ -113,15 +111,10 @@ mod tests {
     fn the_clock_goes_on_where_its_lower_half_begins_anew() {
         let bytes = [step(u32::MAX - 999, 3), step(5_667, 4)].concat();
         let flight = flight(&bytes, Vec::new()).unwrap();
-        let times: Vec<_> = flight
-            .steps()
-            .map(|step| (step.now_us, step.sample.unwrap().time.0))
-            .collect();
+        let times: Vec<_> =
+            flight.steps().map(|step| (step.now_us, step.sample.unwrap().time.0)).collect();
         let begin = u64::from(u32::MAX) - 999;
-        assert_eq!(
-            times,
-            [(begin, begin - 4_000), (begin + 6_667, begin + 2_667)]
-        );
+        assert_eq!(times, [(begin, begin - 4_000), (begin + 6_667, begin + 2_667)]);
         assert_eq!(flight.events[0], Event::State(3));
         assert_eq!(flight.events[2], Event::State(4));
     }

@@ -49,7 +49,7 @@ pub struct Release {
 pub fn run(options: &Release) -> Result<Verdict> {
     if !options.yes && !is_attended() {
         return Err(
-            BadInput::new("nobody can be asked here: --yes releases without a question").into(),
+            BadInput::new("nobody can be asked here: --yes releases without a question").into()
         );
     }
     let stop = signals::on_signal()?;

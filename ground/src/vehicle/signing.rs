@@ -56,11 +56,7 @@ impl Signing {
     pub fn parse(key: &[u8]) -> Result<Self, String> {
         let length = key.len();
         let Ok(key) = <[u8; KEY]>::try_from(key) else {
-            let length = if length > KEY {
-                "more".to_owned()
-            } else {
-                length.to_string()
-            };
+            let length = if length > KEY { "more".to_owned() } else { length.to_string() };
             return Err(format!(
                 "a key is a file of {KEY} random bytes, this one has {length}: \
                  `head -c {KEY} /dev/urandom` makes one"

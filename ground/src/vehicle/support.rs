@@ -69,16 +69,10 @@ pub fn run(options: &Support) -> Result<Verdict> {
     let figures = [
         figure("file", options.file.display().to_string()).shown("written", "", 0),
         figure("files", files.join(", ")).shown("holds", "", 0),
-        figure("problem", missing)
-            .shown("vehicle", "", 0)
-            .or("asked"),
+        figure("problem", missing).shown("vehicle", "", 0).or("asked"),
     ];
     Figures::from(figures).conclude(options.vehicle.json, None)?;
-    Ok(if asked.is_ok() {
-        Verdict::Met
-    } else {
-        Verdict::Missed
-    })
+    Ok(if asked.is_ok() { Verdict::Met } else { Verdict::Missed })
 }
 
 /// A log that was given, under its own name.

@@ -93,10 +93,7 @@ impl Manoeuvre {
     /// Upright, in the usual length.
     pub const HOLD: Self = Self::Hold { seconds: 15.0 };
     /// In the usual length and amplitude.
-    pub const CHIRP: Self = Self::Chirp {
-        seconds: 30.0,
-        amplitude: 4.0,
-    };
+    pub const CHIRP: Self = Self::Chirp { seconds: 30.0, amplitude: 4.0 };
 
     /// The same, of another length, s, if one is given.
     ///
@@ -121,11 +118,7 @@ impl Manoeuvre {
 }
 
 fn amplitude(text: &str) -> Result<f64, String> {
-    number(
-        text,
-        f64::MIN_POSITIVE..=15.0,
-        "an amplitude is above 0 and at most 15 deg",
-    )
+    number(text, f64::MIN_POSITIVE..=15.0, "an amplitude is above 0 and at most 15 deg")
 }
 
 /// How long the vehicle may refuse to be armed: it passes its self-test and learns the gyro's

@@ -32,10 +32,7 @@ pub struct Watched {
 impl Watched {
     /// A vehicle that nothing has been done to.
     pub fn new(vehicle: Vehicle) -> Self {
-        Self {
-            vehicle,
-            put_back: None,
-        }
+        Self { vehicle, put_back: None }
     }
 
     /// From here on the command may move the rudder, until [`Self::leave`]; `stop` ends every wait
@@ -86,12 +83,10 @@ impl Watched {
         // A latched fault is at neutral, and to disarm would acknowledge it, which is for a person.
         if self.vehicle.state() != Some(StateKind::Latched) {
             // A log that cannot be written ends the first try; the vehicle's silence is final.
-            self.vehicle
-                .disarm()
-                .or_else(|why| match why.is::<Failure>() {
-                    true => Err(why),
-                    false => self.vehicle.disarm(),
-                })?;
+            self.vehicle.disarm().or_else(|why| match why.is::<Failure>() {
+                true => Err(why),
+                false => self.vehicle.disarm(),
+            })?;
         }
         while let Some(Parameter { name, value }) = rows.pop() {
             self.vehicle.set_parameter(&name, value)?;

@@ -32,12 +32,8 @@ fn rows(image: &str, hardware: &str) -> (Option<i32>, Vec<[String; 3]>) {
 
 /// The rows that neither pass nor are skipped.
 fn strange(rows: &[[String; 3]]) -> Vec<(&str, &str)> {
-    let strange = rows
-        .iter()
-        .filter(|[_, result, _]| result != "pass" && result != "skipped");
-    strange
-        .map(|[check, result, _]| (check.as_str(), result.as_str()))
-        .collect()
+    let strange = rows.iter().filter(|[_, result, _]| result != "pass" && result != "skipped");
+    strange.map(|[check, result, _]| (check.as_str(), result.as_str())).collect()
 }
 
 #[test]
@@ -50,10 +46,7 @@ fn each_planted_difference_shows_in_its_own_row_alone() {
     assert_eq!(strange(&all), [], "{all:#?}");
     assert_eq!(status, Some(0));
     let skipped = all.iter().filter(|[_, result, _]| result == "skipped");
-    assert_eq!(
-        skipped.map(|row| row[0].as_str()).collect::<Vec<_>>(),
-        ["gyro scale"]
-    );
+    assert_eq!(skipped.map(|row| row[0].as_str()).collect::<Vec<_>>(), ["gyro scale"]);
 
     for (hardware, check, result) in [
         ("clock=-3.1", "free clock", "differ"),
@@ -78,9 +71,6 @@ fn each_planted_difference_shows_in_its_own_row_alone() {
 #[test]
 fn what_makes_no_sense_is_refused() {
     assert_refused(&["bringup", "--port", "/dev/no-such-port"], "no port");
-    assert_refused(
-        &["bringup", "--rig=--hardware jumper=maybe"],
-        "jumper=yes|no",
-    );
+    assert_refused(&["bringup", "--rig=--hardware jumper=maybe"], "jumper=yes|no");
     assert_refused(&["bringup", "--rig", "--port", "x"], "cannot be used with");
 }

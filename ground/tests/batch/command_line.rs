@@ -8,14 +8,7 @@ use crate::running::{self, assert_refused, tvc};
 /// A command that went to the laboratory says so for one release.
 #[test]
 fn a_command_that_went_elsewhere_says_where() {
-    for name in [
-        "cycles",
-        "experiment",
-        "faults",
-        "hardware",
-        "profile",
-        "stack",
-    ] {
+    for name in ["cycles", "experiment", "faults", "hardware", "profile", "stack"] {
         assert_refused(&[name, "--json"], &format!("`cargo lab {name}`"));
     }
 }
@@ -28,9 +21,7 @@ fn faults_come_from_a_file() {
     let report = report.to_str().unwrap();
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/faults.toml");
     let shipped = shipped.to_str().unwrap();
-    let output = tvc(&[
-        "fly", "--json", "--start", "0.4", "--faults", shipped, "--report", report,
-    ]);
+    let output = tvc(&["fly", "--json", "--start", "0.4", "--faults", shipped, "--report", report]);
     assert_eq!(output.status.code(), Some(1));
     let flight: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(flight["runs"][0]["stayed_active"], false);
@@ -81,10 +72,7 @@ fn a_disturbed_flight_says_what_disturbed_it() {
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"))
     };
-    let (calm, shaken) = (
-        fly(&[]),
-        fly(&["--vibration", "5,180", "--thrust-ramp", "10,0.5"]),
-    );
+    let (calm, shaken) = (fly(&[]), fly(&["--vibration", "5,180", "--thrust-ramp", "10,0.5"]));
     assert!(calm.get("disturbances").is_none());
     let said = &shaken["disturbances"];
     assert_eq!(said["vibration"]["frequency_hz"], 180.0);
@@ -143,10 +131,7 @@ fn a_flight_as_json_is_one_object_and_the_same_seed_gives_the_same_flight() {
     };
     let (one, two) = (fly(), fly());
     for (part, keys) in [
-        (
-            "image",
-            &["flash_bytes", "static_ram_bytes", "stack_high_water_bytes"][..],
-        ),
+        ("image", &["flash_bytes", "static_ram_bytes", "stack_high_water_bytes"][..]),
         (
             "loop",
             &[
@@ -159,28 +144,14 @@ fn a_flight_as_json_is_one_object_and_the_same_seed_gives_the_same_flight() {
         ),
         ("latency_us", &["mean", "max"]),
         ("telemetry", &["messages", "lost", "crc_errors"]),
-        (
-            "emulation",
-            &[
-                "simulated_s",
-                "wall_s",
-                "real_time_factor",
-                "busy_real_time_factor",
-            ],
-        ),
+        ("emulation", &["simulated_s", "wall_s", "real_time_factor", "busy_real_time_factor"]),
     ] {
         for key in keys {
             assert!(one[part][key].is_number(), "{part}.{key} in {one}");
         }
     }
     let run = &one["runs"][0];
-    for key in [
-        "start_rad",
-        "overshoot_pct",
-        "rise_s",
-        "settling_5pct_s",
-        "final_error_rad",
-    ] {
+    for key in ["start_rad", "overshoot_pct", "rise_s", "settling_5pct_s", "final_error_rad"] {
         assert!(run[key].is_number(), "{key} in {run}");
     }
     for part in ["image", "loop", "latency_us", "telemetry", "runs"] {
@@ -233,17 +204,10 @@ fn a_configuration_gives_defaults_and_its_errors_have_a_line() {
     let near = folder.path().join("tvc.toml");
     std::fs::write(&near, "port = \"/dev/no-such-near\"\n").unwrap();
     assert!(run(&["arm"]).1.contains("/dev/no-such-near"));
-    assert!(
-        run(&["arm", "--port", "/dev/no-such"])
-            .1
-            .contains("no port /dev/no-such;")
-    );
+    assert!(run(&["arm", "--port", "/dev/no-such"]).1.contains("no port /dev/no-such;"));
     std::fs::write(&near, "\nprot = 1\n").unwrap();
     let (status, said) = run(&["arm"]);
     assert_eq!(status, Some(2));
-    assert!(
-        said.starts_with("error: tvc.toml, line 2: unknown field `prot`"),
-        "{said}"
-    );
+    assert!(said.starts_with("error: tvc.toml, line 2: unknown field `prot`"), "{said}");
     assert_eq!(run(&["--help"]).0, Some(0));
 }

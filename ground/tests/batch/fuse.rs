@@ -42,16 +42,8 @@ fn estimates(path: &Path) -> Vec<[f64; 5]> {
 
 /// Where the vertical of the earth (z) and its east (x) stand in the sensor's axes.
 fn axes([w, x, y, z]: [f64; 4]) -> ([f64; 3], [f64; 3]) {
-    let up = [
-        2.0 * (x * z - w * y),
-        2.0 * (y * z + w * x),
-        w * w - x * x - y * y + z * z,
-    ];
-    let east = [
-        w * w + x * x - y * y - z * z,
-        2.0 * (x * y - w * z),
-        2.0 * (x * z + w * y),
-    ];
+    let up = [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z];
+    let east = [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)];
     (up, east)
 }
 
@@ -113,16 +105,10 @@ fn every_sample_has_a_row_in_the_recordings_frame_and_the_score_is_that_of_the_f
         let (inclination, east) = errors_deg(&rows, &bytes);
         let score = &said["files"][0]["score"];
         let reported = score["inclination_deg"].as_f64().unwrap();
-        assert!(
-            (reported - inclination).abs() < 1e-4,
-            "{score} against {inclination}"
-        );
+        assert!((reported - inclination).abs() < 1e-4, "{score} against {inclination}");
         // The axis off the vertical turns by most of the whole error, and by no more.
         let total = score["total_deg"].as_f64().unwrap();
-        assert!(
-            east <= total && total < 3.0,
-            "{filter} {scalar}: {score}, east {east}"
-        );
+        assert!(east <= total && total < 3.0, "{filter} {scalar}: {score}, east {east}");
         assert_eq!(said["mean"]["total_deg"], score["total_deg"]);
     }
 }
@@ -168,18 +154,10 @@ fn offline_every_sample_has_a_row_and_the_estimate_is_closer() {
     let file = file.to_str().unwrap();
     let live = json(&[file, "--json"]);
     let both = json(&[file, "--offline", "--json", "--out", &out_text]);
-    assert_eq!(
-        (&live["offline"], &both["offline"]),
-        (&false.into(), &true.into())
-    );
+    assert_eq!((&live["offline"], &both["offline"]), (&false.into(), &true.into()));
     for figure in ["total_deg", "inclination_deg"] {
         let of = |figures: &serde_json::Value| figures["mean"][figure].as_f64().unwrap();
-        assert!(
-            of(&both) < of(&live),
-            "{figure}: {} {}",
-            of(&both),
-            of(&live)
-        );
+        assert!(of(&both) < of(&live), "{figure}: {} {}", of(&both), of(&live));
     }
     let bytes = fs::read(file).unwrap();
     let rows = estimates(&out);
@@ -194,10 +172,9 @@ fn as_csv(bytes: &[u8], magnetometer: bool, reference: bool) -> String {
     let scale = |at: usize| f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
     let (rate, gyr, acc, mag) = (scale(12), scale(16), scale(20), scale(24));
     let mut text = String::from("t_s,gx_rad_s,gy_rad_s,gz_rad_s,ax_m_s2,ay_m_s2,az_m_s2");
-    for (asked, columns) in [
-        (magnetometer, ",mx_ut,my_ut,mz_ut"),
-        (reference, ",ref_w,ref_x,ref_y,ref_z,movement"),
-    ] {
+    for (asked, columns) in
+        [(magnetometer, ",mx_ut,my_ut,mz_ut"), (reference, ",ref_w,ref_x,ref_y,ref_z,movement")]
+    {
         text += if asked { columns } else { "" };
     }
     for (index, record) in bytes[HEADER..].chunks_exact(RECORD).enumerate() {
@@ -232,10 +209,7 @@ fn a_csv_recording_gives_the_same_as_the_counts_that_it_was_made_of() {
             said["mean"]["total_deg"].as_f64().unwrap()
         };
         let (text, counts) = (of(&csv), of(&recording()));
-        assert!(
-            (text - counts).abs() < 0.05,
-            "{scalar}: {text} against {counts}"
-        );
+        assert!((text - counts).abs() < 0.05, "{scalar}: {text} against {counts}");
     }
 }
 
@@ -255,12 +229,7 @@ fn recordings_without_magnetometer_or_reference_work() {
             let out = folder.path().join("e.csv");
             let said = json(
                 &[
-                    &[
-                        file.to_str().unwrap(),
-                        "--json",
-                        "--out",
-                        out.to_str().unwrap(),
-                    ],
+                    &[file.to_str().unwrap(), "--json", "--out", out.to_str().unwrap()],
                     &arguments[..],
                 ]
                 .concat(),
@@ -283,15 +252,8 @@ fn several_recordings_go_to_a_folder_and_have_a_mean() {
     for name in ["broad_11_cut.csv", "copy.csv"] {
         assert!(!estimates(&out.join(name)).is_empty());
     }
-    assert_eq!(
-        said["mean"]["total_deg"],
-        said["files"][1]["score"]["total_deg"]
-    );
-    assert_refused(
-        folder.path(),
-        &[&files[..], &["--out", "e.csv"]].concat(),
-        &["name a folder"],
-    );
+    assert_eq!(said["mean"]["total_deg"], said["files"][1]["score"]["total_deg"]);
+    assert_refused(folder.path(), &[&files[..], &["--out", "e.csv"]].concat(), &["name a folder"]);
 }
 
 #[test]
@@ -309,9 +271,8 @@ fn a_truncated_or_foreign_file_is_refused_and_leaves_no_output() {
         b"time,temperature\n1,20\n",
         broken.as_bytes(),
     ];
-    let bad: Vec<PathBuf> = (0..contents.len())
-        .map(|index| folder.path().join(format!("{index}.rec")))
-        .collect();
+    let bad: Vec<PathBuf> =
+        (0..contents.len()).map(|index| folder.path().join(format!("{index}.rec"))).collect();
     for (path, bytes) in bad.iter().zip(contents) {
         fs::write(path, bytes).unwrap();
     }
@@ -322,10 +283,6 @@ fn a_truncated_or_foreign_file_is_refused_and_leaves_no_output() {
         let est = est.to_str().unwrap();
         assert_refused(folder.path(), &[path, "--out", est], &[path]);
         // Nor is the sound one before it written.
-        assert_refused(
-            folder.path(),
-            &[file.to_str().unwrap(), path, "--out", est],
-            &[path],
-        );
+        assert_refused(folder.path(), &[file.to_str().unwrap(), path, "--out", est], &[path]);
     }
 }

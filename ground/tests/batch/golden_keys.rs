@@ -9,10 +9,7 @@ use crate::running::{self, Running};
 
 /// What is run without a vehicle, `--json` behind it, one after the other in one folder.
 const ALONE: &[(&str, &str)] = &[
-    (
-        "fly",
-        "fly --start 0.4 --faults rough_flight.toml --servo-supply 4.8",
-    ),
+    ("fly", "fly --start 0.4 --faults rough_flight.toml --servo-supply 4.8"),
     ("fly-drone2", "fly --vehicle drone2 --start 0.2"),
     ("fly-rocket", "fly --vehicle rocket"),
     ("fly-recording", "fly --recording walk.imuq"),
@@ -21,15 +18,9 @@ const ALONE: &[(&str, &str)] = &[
     ("model-linear", "model linear"),
     ("tune", "tune --generations 0"),
     ("tune-rocket", "tune --vehicle rocket --generations 0"),
-    (
-        "montecarlo",
-        "montecarlo -n 6 --lateral-mm 5 --out runs.csv",
-    ),
+    ("montecarlo", "montecarlo -n 6 --lateral-mm 5 --out runs.csv"),
     ("montecarlo-merge", "montecarlo merge runs.csv"),
-    (
-        "montecarlo-rerun",
-        "montecarlo rerun report/montecarlo/worst-1.toml",
-    ),
+    ("montecarlo-rerun", "montecarlo rerun report/montecarlo/worst-1.toml"),
     ("fuse", "fuse walk.imuq"),
     ("fuse-6d", "fuse walk.imuq --mode 6d"),
 ];
@@ -64,26 +55,17 @@ const AT_A_VEHICLE: &[(&str, &str)] = &[
 /// What is run on the logs of the vehicle.
 const ON_ITS_LOGS: &[(&str, &str)] = &[
     ("report", "report hold.tlog"),
-    (
-        "report-several",
-        "report step.tlog hold.tlog --out both.html",
-    ),
+    ("report-several", "report step.tlog hold.tlog --out both.html"),
     ("log-info", "log info step.tlog"),
     ("log-cut", "log cut step.tlog part.tlog --release 1"),
     ("log-recover", "log recover step.tlog whole.mcap"),
     ("replay", "replay step.tlog"),
-    (
-        "replay-changed",
-        "replay step.tlog --param SFC_GAIN_S=0.1 --filter madgwick --offline",
-    ),
+    ("replay-changed", "replay step.tlog --param SFC_GAIN_S=0.1 --filter madgwick --offline"),
     ("log-convert", "log convert step.tlog step.csv"),
     ("log-convert", "log convert step.tlog step.mcap"),
     ("identify", "identify step.csv"),
     ("identify", "identify step.tlog --out drone.toml"),
-    (
-        "model-what-if",
-        "model what-if step.tlog --drone drone.toml --param SFC_GAIN_S=0.1",
-    ),
+    ("model-what-if", "model what-if step.tlog --drone drone.toml --param SFC_GAIN_S=0.1"),
 ];
 
 /// What is compared by a test of its own, mostly one that runs it for other reasons.

@@ -8,26 +8,17 @@ use rig::Image;
 
 /// Runs `tvc` in `folder`.
 fn tvc_in(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .unwrap()
+    Command::new(env!("CARGO_BIN_EXE_tvc")).args(arguments).current_dir(folder).output().unwrap()
 }
 
 fn assert_met(output: &Output) -> String {
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     // Other tests take the processor meanwhile: the rig may be slower than it is alone.
     let mut missed = said.lines().filter(|line| line.starts_with("missed: "));
-    let is_slow = missed
-        .clone()
-        .any(|line| line.starts_with("missed: times real time"));
+    let is_slow = missed.clone().any(|line| line.starts_with("missed: times real time"));
     let others = missed.any(|line| !line.starts_with("missed: times real time"));
     let code = output.status.code();
-    assert!(
-        code == Some(0) || is_slow && !others && code == Some(1),
-        "{code:?}: {said}"
-    );
+    assert!(code == Some(0) || is_slow && !others && code == Some(1), "{code:?}: {said}");
     said
 }
 
@@ -36,10 +27,7 @@ fn read_uf2(file: &[u8]) -> Vec<u8> {
     let mut flash = Vec::new();
     for block in file.chunks(512) {
         let word = |at: usize| u32::from_le_bytes(block[at..at + 4].try_into().unwrap());
-        assert_eq!(
-            [word(0), word(4), word(508)],
-            [0x0A32_4655, 0x9E5D_5157, 0x0AB1_6F30]
-        );
+        assert_eq!([word(0), word(4), word(508)], [0x0A32_4655, 0x9E5D_5157, 0x0AB1_6F30]);
         assert_eq!(word(12), 0x2000 + flash.len() as u32);
         assert_eq!(word(28), 0x68ED_2B88, "the family of the SAMD21");
         flash.extend_from_slice(&block[32..32 + word(16) as usize]);
@@ -52,10 +40,8 @@ fn read_uf2(file: &[u8]) -> Vec<u8> {
 fn files_of_the_image_agree_and_fly() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let said = assert_met(&tvc_in(
-        folder,
-        &["flash", "--elf", "f.elf", "--bin", "f.bin", "--uf2", "."],
-    ));
+    let said =
+        assert_met(&tvc_in(folder, &["flash", "--elf", "f.elf", "--bin", "f.bin", "--uf2", "."]));
     assert!(said.contains("image: built from "), "{said}");
     let read = |name: &str| std::fs::read(folder.join(name)).unwrap();
     let (elf, bin, uf2) = (read("f.elf"), read("f.bin"), read("tvc-nano.uf2"));
@@ -68,17 +54,11 @@ fn files_of_the_image_agree_and_fly() {
     assert_eq!(word(0), 0x2000_7800);
     assert!((0x2000..0x2000 + bin.len() as u32).contains(&word(4)));
 
-    let said = assert_met(&tvc_in(
-        folder,
-        &["flash", "--image", "f.elf", "--bin", "again.bin"],
-    ));
+    let said = assert_met(&tvc_in(folder, &["flash", "--image", "f.elf", "--bin", "again.bin"]));
     assert!(said.contains("image: f.elf"), "{said}");
     assert_eq!(read("again.bin"), bin);
     // Its status also depends on how fast this machine is.
-    let output = tvc_in(
-        folder,
-        &["fly", "--image", "f.elf", "--start", "0.4", "--json"],
-    );
+    let output = tvc_in(folder, &["fly", "--image", "f.elf", "--start", "0.4", "--json"]);
     let said = String::from_utf8_lossy(&output.stderr);
     let flight: serde_json::Value =
         serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
@@ -89,21 +69,13 @@ fn files_of_the_image_agree_and_fly() {
 #[test]
 fn no_path_of_this_machine_is_in_the_image() {
     let folder = tempfile::tempdir().unwrap();
-    assert_met(&tvc_in(
-        folder.path(),
-        &["flash", "--elf", "f.elf", "--bin", "f.bin"],
-    ));
+    assert_met(&tvc_in(folder.path(), &["flash", "--elf", "f.elf", "--bin", "f.bin"]));
     let holds = |name: &str, text: &str| {
         let bytes = std::fs::read(folder.path().join(name)).unwrap();
-        bytes
-            .windows(text.len())
-            .any(|part| part == text.as_bytes())
+        bytes.windows(text.len()).any(|part| part == text.as_bytes())
     };
     assert!(!holds("f.bin", ".rs"), "the flight image names a source");
-    let tree = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("..")
-        .canonicalize()
-        .unwrap();
+    let tree = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().unwrap();
     assert!(!holds("f.elf", tree.to_str().unwrap()));
 }
 
@@ -113,11 +85,7 @@ fn a_file_that_is_no_image_is_refused_before_everything_else() {
     let path = folder.path().join("no.elf");
     std::fs::write(&path, "hello").unwrap();
     let path = path.to_str().unwrap();
-    for command in [
-        &["fly"][..],
-        &["flash", "--bin", "x.bin"],
-        &["rig", "--pty"],
-    ] {
+    for command in [&["fly"][..], &["flash", "--bin", "x.bin"], &["rig", "--pty"]] {
         let with = |image: &'static str| [command, &["--image", image]].concat();
         assert_refused(&with("no/such.elf"), "cannot read the image no/such.elf");
         let refused = [command, &["--image", path]].concat();

@@ -26,9 +26,8 @@ fn table(path: &Path) -> (Vec<String>, Vec<Vec<f64>>) {
     let text = std::fs::read_to_string(path).unwrap();
     let mut lines = text.lines();
     let head = lines.next().unwrap().split(',').map(String::from).collect();
-    let rows = lines
-        .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
-        .collect();
+    let rows =
+        lines.map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
     (head, rows)
 }
 
@@ -93,12 +92,8 @@ fn every_shipped_scenario_runs() {
 
 #[test]
 fn without_out_the_trajectory_goes_to_standard_output() {
-    let output = tvc(&[
-        "simulate",
-        text(&at_root("scenarios/thrust_and_torque.toml")),
-        "--dt",
-        "0.5",
-    ]);
+    let output =
+        tvc(&["simulate", text(&at_root("scenarios/thrust_and_torque.toml")), "--dt", "0.5"]);
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.starts_with("t,theta0,") && text.lines().count() == 6);
 }
@@ -111,18 +106,12 @@ fn mistakes_name_the_key_and_the_file_and_write_nothing() {
     let out = folder.path().join("run.csv");
     for (scenario, key) in [
         ("seconds = 1\n[drone]\nbody_mass_kg = 0", "body_mass_kg"),
-        (
-            "seconds = 1\n[drone]\nlink_length_m = 0.03",
-            "link_length_m",
-        ),
+        ("seconds = 1\n[drone]\nlink_length_m = 0.03", "link_length_m"),
         ("seconds = 1\n[drone]\nbody_mass = 1", "`body_mass`"),
         ("seconds = 1\n[drone]\npreset = \"MAPLE\"", "MAPLE"),
         ("seconds = 1\n[drones]\nx = 1", "`drones`"),
         ("seconds = 1\n[input]\ntorque = 1", "`torque`"),
-        (
-            "seconds = 1\n[input]\ntorque_n_m = [[0, 0], [1, 1], [1, 2]]",
-            "torque_n_m",
-        ),
+        ("seconds = 1\n[input]\ntorque_n_m = [[0, 0], [1, 1], [1, 2]]", "torque_n_m"),
         ("seconds = 1\n[input]\ncrank_rad = []", "crank_rad"),
         ("seconds = 1\n[start]\npitch_rad = \"3 kg\"", "pitch_rad"),
         ("dt_s = 1", "seconds"),
@@ -169,10 +158,7 @@ fn linear_gives_the_reference_model_and_margins() {
     }
     let largest = |key: &str| {
         let values = object[key].as_array().unwrap();
-        values
-            .iter()
-            .map(|z| z["im"].as_f64().unwrap())
-            .fold(0.0, f64::max)
+        values.iter().map(|z| z["im"].as_f64().unwrap()).fold(0.0, f64::max)
     };
     assert!((largest("poles") - 23.79).abs() < 0.006);
     assert!((largest("zeros") - 57.27).abs() < 0.006);
@@ -202,11 +188,7 @@ fn linear_takes_servo_gains_point_and_parameter_file() {
 
     let folder = tempfile::tempdir().unwrap();
     let params = folder.path().join("p.toml");
-    std::fs::write(
-        &params,
-        "[drone]\nthrust_n = 15\n[timing]\npreset = \"DIGITAL\"",
-    )
-    .unwrap();
+    std::fs::write(&params, "[drone]\nthrust_n = 15\n[timing]\npreset = \"DIGITAL\"").unwrap();
     let (weak, _) = json_and_report(&["linear", "--drone", text(&params)]);
     near(&weak["loop"]["kp"], 1.6, 0.0);
     near(&weak["A"][1][2], -13.08, 0.01);

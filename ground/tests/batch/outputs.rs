@@ -8,41 +8,17 @@ use crate::running::{self, commands_below, tvc};
 const COMMANDS: [[&str; 3]; 14] = [
     ["a.tlog", "report a.tlog --out", "name of a telemetry log"],
     ["a.tlog", "replay a.tlog --csv", "name of a telemetry log"],
-    [
-        "a.tlog",
-        "replay a.tlog --report",
-        "name of a telemetry log",
-    ],
+    ["a.tlog", "replay a.tlog --report", "name of a telemetry log"],
     ["a.tlog", "record b.tlog --csv", "name of a telemetry log"],
     ["a.tlog", "param dump", "name of a telemetry log"],
     ["a.tlog", "fuse run.imuq --out", "name of a telemetry log"],
     ["a.html", "report", "another kind of file"],
-    [
-        "gains",
-        "fly --params gains --report",
-        "another kind of file",
-    ],
-    [
-        "a.param",
-        "fly --params a.param --report",
-        "name of a parameter file",
-    ],
+    ["gains", "fly --params gains --report", "another kind of file"],
+    ["a.param", "fly --params a.param --report", "name of a parameter file"],
     ["a.toml", "tune --drone a.toml --out", "name of a TOML file"],
-    [
-        "a.toml",
-        "model simulate a.toml --out",
-        "name of a TOML file",
-    ],
-    [
-        "a.toml",
-        "identify run.csv --drone a.toml --out",
-        "is read from a.toml",
-    ],
-    [
-        "a.csv",
-        "montecarlo merge a.csv --out",
-        "is read from a.csv",
-    ],
+    ["a.toml", "model simulate a.toml --out", "name of a TOML file"],
+    ["a.toml", "identify run.csv --drone a.toml --out", "is read from a.toml"],
+    ["a.csv", "montecarlo merge a.csv --out", "is read from a.csv"],
     ["a.foo", "monitor --log", "must end in .tlog or .mcap"],
 ];
 
@@ -58,11 +34,8 @@ fn what_is_there_is_kept() {
         };
         std::fs::write(&path, bytes).unwrap();
         let command: Vec<_> = command.split(' ').collect();
-        let output = running::command(&command)
-            .arg(name)
-            .current_dir(folder.path())
-            .output()
-            .unwrap();
+        let output =
+            running::command(&command).arg(name).current_dir(folder.path()).output().unwrap();
         let said = running::said(&output);
         assert_eq!(output.status.code(), Some(2), "{command:?}: {said}");
         assert!(said.contains(part), "{command:?}: {said}");
@@ -79,10 +52,7 @@ fn standard_output_that_cannot_be_written_is_an_error_in_one_line() {
         &[
             "model",
             "simulate",
-            concat!(
-                env!("CARGO_MANIFEST_DIR"),
-                "/../scenarios/gravity_only_pendulum.toml"
-            ),
+            concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/gravity_only_pendulum.toml"),
         ],
     ] {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full");
@@ -144,10 +114,7 @@ fn a_usual_place_that_takes_no_file_is_refused_by_who_would_use_it() {
     ] {
         let (status, said) = run(command);
         assert_eq!(status, Some(2), "{command}: {said}");
-        assert!(
-            said.contains("report/") || said.contains("folder"),
-            "{said}"
-        );
+        assert!(said.contains("report/") || said.contains("folder"), "{said}");
         assert!(said.contains("not a directory"), "{command}: {said}");
     }
     let (_, said) = run("calibrate polarity --port none");
@@ -176,10 +143,7 @@ fn a_disk_that_is_full_takes_no_figures_away() {
     ] {
         let output = with_a_full_disk(command, "new.html", folder.path(), false);
         let said = running::said(&output);
-        assert!(
-            serde_json::from_slice::<serde_json::Value>(&output.stdout).is_ok(),
-            "{command}"
-        );
+        assert!(serde_json::from_slice::<serde_json::Value>(&output.stdout).is_ok(), "{command}");
         let last = said.lines().last().unwrap();
         assert!(last.starts_with("error: writing "), "{command}: {said}");
     }
@@ -207,32 +171,12 @@ const WRITERS: [(&str, &str, Option<&str>); 11] = [
     ("log convert step.mcap", "new.tlog", None),
     ("log cut step.tlog --from 0 --to 9", "new.tlog", None),
     ("log recover step.tlog", "new.tlog", None),
-    (
-        "report step.tlog --out",
-        "new.html",
-        Some("<!DOCTYPE html>old"),
-    ),
-    (
-        "replay step.tlog --report",
-        "new.html",
-        Some("<!DOCTYPE html>old"),
-    ),
+    ("report step.tlog --out", "new.html", Some("<!DOCTYPE html>old")),
+    ("replay step.tlog --report", "new.html", Some("<!DOCTYPE html>old")),
     ("replay step.tlog --csv", "new.csv", Some("old\n")),
-    (
-        "fuse counts.csv --filter mahony --out",
-        "new.csv",
-        Some("old\n"),
-    ),
-    (
-        "model simulate pendulum.toml --out",
-        "new.csv",
-        Some("old\n"),
-    ),
-    (
-        "montecarlo rerun worst.toml --out",
-        "new.csv",
-        Some("old\n"),
-    ),
+    ("fuse counts.csv --filter mahony --out", "new.csv", Some("old\n")),
+    ("model simulate pendulum.toml --out", "new.csv", Some("old\n")),
+    ("montecarlo rerun worst.toml --out", "new.csv", Some("old\n")),
 ];
 
 /// Runs a command that can write no more than half a kilobyte into a file. Beyond that it gets an
@@ -251,10 +195,7 @@ fn with_a_full_disk(command: &str, name: &str, folder: &std::path::Path, killed:
     let said = running::said(&output);
     let code = if killed { None } else { Some(1) };
     let said_so = killed || said.contains(name) || said.contains("File too large");
-    assert!(
-        output.status.code() == code || output.status.code() == Some(2),
-        "{command}: {said}"
-    );
+    assert!(output.status.code() == code || output.status.code() == Some(2), "{command}: {said}");
     assert!(said_so && !said.contains("panicked"), "{command}: {said}");
     assert!(!said.contains(".tmp"), "{command}: {said}");
     output
@@ -270,10 +211,7 @@ fn a_file_that_cannot_be_written_to_its_end_is_not_there() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/");
     for (from, to) in [
         ("../lab/fuzz_corpus/log/step.tlog", "step.tlog"),
-        (
-            "../lab/fuzz_corpus/recording-table/counts.csv",
-            "counts.csv",
-        ),
+        ("../lab/fuzz_corpus/recording-table/counts.csv", "counts.csv"),
         ("../lab/fuzz_corpus/case/worst.toml", "worst.toml"),
         ("../scenarios/gravity_only_pendulum.toml", "pendulum.toml"),
     ] {

@@ -31,23 +31,11 @@ fn the_rig_gives_all_but_a_release() {
     std::fs::write(folder.path().join("notes.tlog"), "what I saw").unwrap();
     let (status, mut archive) = support(folder.path(), &["--log", "notes.tlog", "--rig"]);
     assert_eq!(status, Some(0));
-    let names = (0..archive.len()).map(|index| {
-        archive
-            .by_index(index)
-            .unwrap()
-            .name()
-            .unwrap()
-            .into_owned()
-    });
-    assert_eq!(
-        names.collect::<Vec<_>>(),
-        ["info.json", "parameters.param", "notes.tlog"]
-    );
+    let names = (0..archive.len())
+        .map(|index| archive.by_index(index).unwrap().name().unwrap().into_owned());
+    assert_eq!(names.collect::<Vec<_>>(), ["info.json", "parameters.param", "notes.tlog"]);
     let info: Value = serde_json::from_str(&text(&mut archive, "info.json")).unwrap();
-    assert!(
-        info["tool"].is_string() && info["vehicle"]["state"].is_string(),
-        "{info}"
-    );
+    assert!(info["tool"].is_string() && info["vehicle"]["state"].is_string(), "{info}");
     assert!(text(&mut archive, "parameters.param").contains("PID_KP"));
     assert_eq!(text(&mut archive, "notes.tlog"), "what I saw");
 }
@@ -60,8 +48,5 @@ fn without_a_vehicle_the_rest_is_written() {
     assert_eq!(status, Some(1));
     assert_eq!(archive.len(), 1);
     let info: Value = serde_json::from_str(&text(&mut archive, "info.json")).unwrap();
-    assert!(
-        info["problem"].as_str().unwrap().contains("no-such-port"),
-        "{info}"
-    );
+    assert!(info["problem"].as_str().unwrap().contains("no-such-port"), "{info}");
 }

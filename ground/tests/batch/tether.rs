@@ -8,17 +8,8 @@ use crate::running::{command, said, tvc};
 
 const PAGE: &str = include_str!("../../../docs/guides/tether.md");
 /// Commands that talk to a vehicle.
-const VEHICLE: [&str; 9] = [
-    "info",
-    "monitor",
-    "calibrate",
-    "param",
-    "test",
-    "record",
-    "arm",
-    "release",
-    "disarm",
-];
+const VEHICLE: [&str; 9] =
+    ["info", "monitor", "calibrate", "param", "test", "record", "arm", "release", "disarm"];
 /// What a person adds at the rig: its hand answers no question, and nobody presses Ctrl-C.
 const ADDED: [(&str, &[&str]); 2] = [("calibrate", &["--yes"]), ("monitor", &["--seconds", "1"])];
 /// Commands that need a board, a network, a browser or what another program has left.
@@ -35,8 +26,7 @@ fn commands() -> Vec<&'static str> {
     let blocks = PAGE.split("```").skip(1).step_by(2).flat_map(str::lines);
     let commands = blocks.filter_map(|line| line.strip_prefix("cargo tvc "));
     let bare = commands.map(|line| line.split(" #").next().unwrap_or(line).trim());
-    bare.filter(|line| !NOT_HERE.iter().any(|other| line.starts_with(other)))
-        .collect()
+    bare.filter(|line| !NOT_HERE.iter().any(|other| line.starts_with(other))).collect()
 }
 
 /// What a line makes: its status, and what it says.
@@ -74,22 +64,13 @@ fn the_page_leads_from_a_blank_vehicle_to_its_report() {
         let expected = i32::from(matches!(line, "info" | "param diff"));
         assert_eq!(status, Some(expected), "{line}: {said}");
     }
-    for file in [
-        "step.tlog",
-        "step.html",
-        "mine.parm",
-        "first.tlog",
-        "replay.html",
-    ] {
+    for file in ["step.tlog", "step.html", "mine.parm", "first.tlog", "replay.html"] {
         assert!(folder.join(file).exists(), "{file}");
     }
     // What was calibrated has stayed: nothing is left to do, and the vehicle can be let go by hand.
-    for (line, words) in [
-        ("info", ""),
-        ("arm", ""),
-        ("release --yes --seconds 1", "released"),
-        ("disarm", ""),
-    ] {
+    for (line, words) in
+        [("info", ""), ("arm", ""), ("release --yes --seconds 1", "released"), ("disarm", "")]
+    {
         let (status, said) = run(line, rig, folder);
         assert_eq!(status, Some(0), "{line}: {said}");
         assert!(said.contains(words), "{line}: {said}");

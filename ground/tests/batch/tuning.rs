@@ -24,73 +24,30 @@ fn json(folder: &Path, arguments: &[&str]) -> Value {
 fn campaigns_are_the_same_in_one_piece_and_in_shards() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
-    let campaign = [
-        "montecarlo",
-        "-n",
-        "20",
-        "--seed",
-        "3",
-        "--lateral-mm",
-        "5",
-        "--json",
-    ];
+    let campaign = ["montecarlo", "-n", "20", "--seed", "3", "--lateral-mm", "5", "--json"];
     let with = |more: &[&'static str]| json(here, &[&campaign[..], more].concat());
     let whole = with(&["--jobs", "1", "--out", "whole.csv"]);
-    with(&[
-        "--jobs", "3", "--shard", "1/2", "--out", "one.csv", "--worst", "one",
-    ]);
-    with(&[
-        "--jobs", "2", "--shard", "2/2", "--out", "two.csv", "--worst", "two",
-    ]);
-    let merged = json(
-        here,
-        &[
-            "montecarlo",
-            "merge",
-            "two.csv",
-            "one.csv",
-            "--out",
-            "merged.csv",
-            "--json",
-        ],
-    );
+    with(&["--jobs", "3", "--shard", "1/2", "--out", "one.csv", "--worst", "one"]);
+    with(&["--jobs", "2", "--shard", "2/2", "--out", "two.csv", "--worst", "two"]);
+    let merged =
+        json(here, &["montecarlo", "merge", "two.csv", "one.csv", "--out", "merged.csv", "--json"]);
     let read = |name: &str| std::fs::read_to_string(here.join(name)).unwrap();
     assert_eq!(read("merged.csv"), read("whole.csv"));
     assert_eq!(read("whole.csv").lines().count(), 21);
-    for key in [
-        "runs",
-        "pass_rate",
-        "pass_rate_low",
-        "pass_rate_high",
-        "overshoot_p95_pct",
-    ] {
+    for key in ["runs", "pass_rate", "pass_rate_low", "pass_rate_high", "overshoot_p95_pct"] {
         assert_eq!(merged[key], whole[key], "{key}");
     }
-    let (low, rate, high) = (
-        &whole["pass_rate_low"],
-        &whole["pass_rate"],
-        &whole["pass_rate_high"],
-    );
+    let (low, rate, high) =
+        (&whole["pass_rate_low"], &whole["pass_rate"], &whole["pass_rate_high"]);
     assert!(low.as_f64() <= rate.as_f64() && rate.as_f64() <= high.as_f64());
 
     let worst = &whole["worst"][0];
-    let again = json(
-        here,
-        &[
-            "montecarlo",
-            "replay",
-            worst["file"].as_str().unwrap(),
-            "--json",
-        ],
-    );
+    let again = json(here, &["montecarlo", "replay", worst["file"].as_str().unwrap(), "--json"]);
     for key in ["run", "overshoot_pct", "settling_5pct_s"] {
         assert_eq!(again[key], worst[key], "{key}");
     }
-    std::fs::write(
-        here.join("other.csv"),
-        read("one.csv").replace("\n3,s3003", "\n4,s3003"),
-    )
-    .unwrap();
+    std::fs::write(here.join("other.csv"), read("one.csv").replace("\n3,s3003", "\n4,s3003"))
+        .unwrap();
     let mixed = tvc(here, &["montecarlo", "merge", "one.csv", "other.csv"]);
     assert_eq!(mixed.status.code(), Some(2));
 }
@@ -100,23 +57,10 @@ fn campaigns_are_the_same_in_one_piece_and_in_shards() {
 fn gains_go_from_a_parameter_file_to_a_file_that_campaigns_take() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
-    std::fs::write(
-        here.join("heavy.toml"),
-        "[drone]\nbody_inertia_kg_m2 = 0.12\n",
-    )
-    .unwrap();
+    std::fs::write(here.join("heavy.toml"), "[drone]\nbody_inertia_kg_m2 = 0.12\n").unwrap();
     let output = tvc(
         here,
-        &[
-            "tune",
-            "--params",
-            "heavy.toml",
-            "--generations",
-            "0",
-            "--out",
-            "g.param",
-            "--json",
-        ],
+        &["tune", "--params", "heavy.toml", "--generations", "0", "--out", "g.param", "--json"],
     );
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["gains"], report["analytic"]);
@@ -124,20 +68,14 @@ fn gains_go_from_a_parameter_file_to_a_file_that_campaigns_take() {
     assert_eq!(report["runs"].as_array().unwrap().len(), 3);
     assert!(report["margins"]["gain_db"].as_f64().unwrap() > 0.0);
     assert_eq!(output.status.success(), report["met"].as_bool().unwrap());
-    json(
-        here,
-        &["montecarlo", "-n", "3", "--params", "g.param", "--json"],
-    );
+    json(here, &["montecarlo", "-n", "3", "--params", "g.param", "--json"]);
 }
 
 /// A drone with 20 % less thrust, flown by the model, is found again.
 #[test]
 fn a_recorded_release_tells_the_pitch_gain() {
     let folder = tempfile::tempdir().unwrap();
-    let drone = Parameters {
-        thrust_n: 24.0,
-        ..Parameters::PHYS
-    };
+    let drone = Parameters { thrust_n: 24.0, ..Parameters::PHYS };
     let timing = Timing::NANO_50HZ;
     let mut law = Pd::new(1.0, 0.3, &drone.linkage(), timing.control_s);
     let mut flight = PitchLoop::new(&drone, ServoModel::S3003, timing, 0.4, 0.2).unwrap();
@@ -156,10 +94,7 @@ fn a_recorded_release_tells_the_pitch_gain() {
         }
     }
     std::fs::write(folder.path().join("log.csv"), text).unwrap();
-    let found = json(
-        folder.path(),
-        &["identify", "log.csv", "--out", "found.toml", "--json"],
-    );
+    let found = json(folder.path(), &["identify", "log.csv", "--out", "found.toml", "--json"]);
     let gain = |key: &str| found["pitch_gain"][key].as_f64().unwrap();
     let truth = 0.8 * gain("nominal");
     assert!((gain("value") / truth - 1.0).abs() < 0.05, "{found}");

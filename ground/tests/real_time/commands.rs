@@ -51,10 +51,7 @@ fn parameters_are_listed_set_refused_compared_and_loaded() {
     rig.ok(&["param", "set", "PID_KP", "2"]);
     rig.ok(&["param", "load", &file]);
     rig.ok(&["param", "diff", &columns]);
-    assert_eq!(
-        rig.json(&["param", "get", "PID_KP"])["parameters"][0]["value"],
-        1.25
-    );
+    assert_eq!(rig.json(&["param", "get", "PID_KP"])["parameters"][0]["value"], 1.25);
 
     assert_eq!(rig.json(&["param", "save"])["saved"], true);
 
@@ -76,10 +73,7 @@ fn parameters_are_listed_set_refused_compared_and_loaded() {
     let other = rig.path("other.parm");
     std::fs::write(&other, "PID_KD 0.3\nNO_SUCH 1\n").unwrap();
     let said = rig.refused(2, &["param", "load", &other]);
-    assert!(
-        said.contains("NO_SUCH") && said.contains("nothing was"),
-        "{said}"
-    );
+    assert!(said.contains("NO_SUCH") && said.contains("nothing was"), "{said}");
     let loaded = rig.json(&["param", "load", &other, "--skip-unknown"]);
     assert_eq!(loaded["changed"], 1, "{loaded}");
     rig.ok(&["param", "reset", "PID_KD"]);
@@ -91,12 +85,7 @@ fn parameters_are_listed_set_refused_compared_and_loaded() {
     let said = running::said(&output);
     assert_eq!(output.status.code(), Some(0), "{said}");
     assert!(said.contains("tvc calibrate polarity"), "{said}");
-    assert_eq!(
-        running::said(&rig.tvc(&["param", "diff", &other_drone]))
-            .lines()
-            .count(),
-        1
-    );
+    assert_eq!(running::said(&rig.tvc(&["param", "diff", &other_drone])).lines().count(), 1);
     let polarity = rig.json(&["param", "get", "SRV_POLARITY"]);
     assert_eq!(polarity["parameters"][0]["value"], 0.0);
     assert!(rig.refused(1, &["arm"]).contains("polarity"));
@@ -110,10 +99,7 @@ fn parameters_are_listed_set_refused_compared_and_loaded() {
     assert!(running::said(&set).contains("not used by law 2"));
     assert!(running::said(&rig.tvc(&["param", "set", "SFC_GAIN_S", "0.6"])).is_empty());
     let list = rig.ok(&["param", "list"]);
-    let first: Vec<&str> = list
-        .lines()
-        .filter_map(|line| line.split_whitespace().next())
-        .collect();
+    let first: Vec<&str> = list.lines().filter_map(|line| line.split_whitespace().next()).collect();
     assert_eq!(first[1..3], ["PID_LAW", "PID_TRIM_RAD_S"], "{list}");
     rig.ok(&["param", "reset", "PID_KI", "SFC_GAIN_S"]);
 
@@ -121,10 +107,7 @@ fn parameters_are_listed_set_refused_compared_and_loaded() {
     std::fs::write(&bad, "PID_KD 0.1\nPID_KP 99\n").unwrap();
     let said = rig.refused(2, &["param", "load", &bad]);
     assert!(said.contains("line 2"), "{said}");
-    assert_ne!(
-        rig.json(&["param", "get", "PID_KD"])["parameters"][0]["value"],
-        0.1
-    );
+    assert_ne!(rig.json(&["param", "get", "PID_KD"])["parameters"][0]["value"], 0.1);
 }
 
 #[test]
@@ -143,10 +126,7 @@ fn a_vehicle_out_of_the_box_says_what_to_do_before_it_is_armed() {
     assert!(error.contains("run tvc calibrate polarity"), "{object}");
     // Any MAVLink client can say that it was done, but not as a file of parameters says it.
     let said = rig.refused(2, &["param", "set", "SRV_POLARITY", "1"]);
-    assert!(
-        said.contains("set 2 and look at the rudder first"),
-        "{said}"
-    );
+    assert!(said.contains("set 2 and look at the rudder first"), "{said}");
     rig.ok(&["param", "set", "SRV_POLARITY", "2"]);
     rig.ok(&["param", "set", "SRV_POLARITY", "1"]);
     assert_eq!(rig.arm()["state"], "armed");
@@ -160,10 +140,7 @@ fn it_arms_disarms_is_watched_and_recorded() {
     let pitch = status["attitude_rad"][1].as_f64().unwrap();
     assert!((pitch - 0.3).abs() < 0.03, "{status}");
     assert_eq!(status["armed"], false);
-    assert_eq!(
-        (&status["lost"], &status["crc_errors"]),
-        (&0.into(), &0.into())
-    );
+    assert_eq!((&status["lost"], &status["crc_errors"]), (&0.into(), &0.into()));
 
     assert_eq!(rig.arm()["state"], "armed");
     assert_eq!(rig.status()["armed"], true);
@@ -191,28 +168,20 @@ fn a_reader_who_leaves_ends_the_monitor_quietly() {
         .spawn()
         .unwrap();
     let mut line = String::new();
-    BufReader::new(monitor.stdout.take().unwrap())
-        .read_line(&mut line)
-        .unwrap();
+    BufReader::new(monitor.stdout.take().unwrap()).read_line(&mut line).unwrap();
     let status: Value = serde_json::from_str(&line).unwrap();
     let end = monitor.wait_with_output().unwrap();
     assert_eq!(String::from_utf8_lossy(&end.stderr), "");
     assert!(end.status.code().is_none(), "{}", end.status);
     // What was heard until then is in the log.
     let logged = std::fs::metadata(&log).unwrap().len();
-    assert!(
-        logged > 20 * status["messages"].as_u64().unwrap(),
-        "{logged}"
-    );
+    assert!(logged > 20 * status["messages"].as_u64().unwrap(), "{logged}");
 }
 
 /// Status and standard output of a command without a vehicle.
 fn tvc(arguments: &[&str]) -> (Option<i32>, String) {
     let output = running::tvc(arguments);
-    (
-        output.status.code(),
-        String::from_utf8(output.stdout).unwrap(),
-    )
+    (output.status.code(), String::from_utf8(output.stdout).unwrap())
 }
 
 #[test]
@@ -222,17 +191,8 @@ fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
     let said = rig.refused(2, &["record", "--last", &rig.path("early.csv")]);
     assert!(said.contains("no release"), "{said}");
     let (log, page) = (rig.path("step.tlog"), rig.path("step.html"));
-    let output = rig.tvc(&[
-        "test",
-        "step",
-        "--seconds",
-        "2",
-        "--log",
-        &log,
-        "--report",
-        &page,
-        "--json",
-    ]);
+    let output =
+        rig.tvc(&["test", "step", "--seconds", "2", "--log", &log, "--report", &page, "--json"]);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     let figures: Value =
         serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
@@ -244,18 +204,9 @@ fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
     let jitter_us = figures["loop"]["jitter_us_max"].as_f64().unwrap();
     assert!(jitter_us < 100.0, "{jitter_us}");
     let origin = &figures["origin"];
-    assert!(
-        origin["vehicle"].as_str().unwrap().starts_with("0."),
-        "{origin}"
-    );
-    assert!(
-        origin["tool"].as_str().unwrap().starts_with("tvc 0."),
-        "{origin}"
-    );
-    assert!(
-        origin["date"].as_str().unwrap().starts_with("20"),
-        "{origin}"
-    );
+    assert!(origin["vehicle"].as_str().unwrap().starts_with("0."), "{origin}");
+    assert!(origin["tool"].as_str().unwrap().starts_with("tvc 0."), "{origin}");
+    assert!(origin["date"].as_str().unwrap().starts_with("20"), "{origin}");
     assert!(std::fs::read_to_string(&page).unwrap().contains("<svg"));
 
     recorded_as_streamed(&rig, &log);
@@ -288,10 +239,7 @@ fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
     let (status, text) = tvc(&["replay", &log, "--param", "SFC_GAIN_S=0.1", "--json"]);
     assert_eq!(status, Some(0), "{text}");
     let other: Value = serde_json::from_str(&text).unwrap();
-    assert!(
-        other["pulse_difference_us_max"].as_u64().unwrap() > 10,
-        "{other}"
-    );
+    assert!(other["pulse_difference_us_max"].as_u64().unwrap() > 10, "{other}");
 
     // Without its middle the log says so, and claims nothing about what comes behind.
     let bytes = std::fs::read(&log).unwrap();
@@ -302,10 +250,7 @@ fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
     let cut: Value = serde_json::from_str(&text).unwrap();
     assert!(cut["lost"].as_u64().unwrap() > 10, "{cut}");
     assert_eq!(cut["gaps_s"].as_array().unwrap().len(), 1, "{cut}");
-    assert!(
-        cut["compared"].as_u64() < replay["compared"].as_u64(),
-        "{cut}"
-    );
+    assert!(cut["compared"].as_u64() < replay["compared"].as_u64(), "{cut}");
     assert_eq!(cut["equal"], cut["compared"]);
 }
 
@@ -327,8 +272,7 @@ fn recorded_as_streamed(rig: &Rig, log: &str) {
     let rows = |path: &str| -> Vec<Vec<String>> {
         let text = std::fs::read_to_string(path).unwrap();
         let rows = text.lines().skip(1);
-        rows.map(|row| row.split(',').map(str::to_owned).collect())
-            .collect()
+        rows.map(|row| row.split(',').map(str::to_owned).collect()).collect()
     };
     let streamed = rows(&streamed);
     let kept = rows(&kept);
@@ -371,11 +315,7 @@ fn a_test_that_ends_in_a_fall_still_tells_what_it_has_seen() {
     let error = object["error"].as_str().unwrap();
     assert!(error.starts_with("the vehicle gave up: "), "{object}");
     assert!(said.lines().last().unwrap().ends_with(error), "{said}");
-    assert!(
-        std::fs::read_to_string(&page)
-            .unwrap()
-            .contains("Release 1")
-    );
+    assert!(std::fs::read_to_string(&page).unwrap().contains("Release 1"));
 }
 
 #[test]
@@ -438,10 +378,7 @@ fn a_port_without_a_vehicle_is_said_to_be_one() {
     let output = running::tvc(&["param", "list", "--port", pty.path().to_str().unwrap()]);
     let said = running::said(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(
-        said.contains("no heartbeat on") && said.contains("tvc info --ports"),
-        "{said}"
-    );
+    assert!(said.contains("no heartbeat on") && said.contains("tvc info --ports"), "{said}");
 }
 
 /// What can be shown is.
@@ -481,10 +418,7 @@ fn a_vehicle_of_another_firmware_is_said_to_be_one_and_watched_all_the_same() {
     });
     let said = running::said(&output);
     assert_eq!(output.status.code(), Some(0), "{said}");
-    assert!(
-        said.contains("no tvc-nano (MAVLink's autopilot 12)"),
-        "{said}"
-    );
+    assert!(said.contains("no tvc-nano (MAVLink's autopilot 12)"), "{said}");
     let shown = String::from_utf8(output.stdout).unwrap();
     assert!(shown.contains("\"attitude_rad\""), "{shown}");
 }

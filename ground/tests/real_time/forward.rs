@@ -73,12 +73,7 @@ fn with_a_key_the_bridge_obeys_only_who_has_it() {
     station.set_read_timeout(Some(PATIENCE)).unwrap();
     let bridge = running::command(&["forward", "--port", &rig.path("nano"), "--seconds", "6"])
         .args(["--to", &station.local_addr().unwrap().to_string()])
-        .args([
-            "--plot",
-            "127.0.0.1:9",
-            "--signing-key",
-            path.to_str().unwrap(),
-        ])
+        .args(["--plot", "127.0.0.1:9", "--signing-key", path.to_str().unwrap()])
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
@@ -105,11 +100,7 @@ fn with_a_key_the_bridge_obeys_only_who_has_it() {
     let (_, vehicle) = told(f32::NAN);
     let set = |value, signing: Option<&SigningData>| {
         let mut raw = MAVLinkV2MessageRaw::new();
-        let header = MavHeader {
-            system_id: 255,
-            component_id: 190,
-            sequence: 0,
-        };
+        let header = MavHeader { system_id: 255, component_id: 190, sequence: 0 };
         let message = client::request::set_parameter("PID_KP", value);
         match signing {
             Some(signing) => {

@@ -35,10 +35,7 @@ fn info_names_the_next_thing_to_do_and_who_has_the_port() {
     assert_eq!(found["vehicle"]["runs_image"], true, "{found}");
     assert_eq!(found["vehicle"]["polarity_checked"], false);
     assert_eq!(found["standing"], "to-do");
-    assert!(
-        found["next"].as_str().unwrap().contains("`tvc calibrate`"),
-        "{found}"
-    );
+    assert!(found["next"].as_str().unwrap().contains("`tvc calibrate`"), "{found}");
 
     if cfg!(target_os = "linux") {
         let mut monitor = command(&["monitor", "--json", "--port", &port]);
@@ -100,11 +97,7 @@ fn a_release_by_hand_needs_an_armed_vehicle_and_ends_disarmed() {
     let release = || ask(&["release", "--yes", "--seconds", "1"]);
     let refused = release();
     assert_eq!(refused.status.code(), Some(1));
-    assert!(
-        said(&refused).contains("`tvc arm` first"),
-        "{}",
-        said(&refused)
-    );
+    assert!(said(&refused).contains("`tvc arm` first"), "{}", said(&refused));
     let begun = Instant::now();
     while !ask(&["arm"]).status.success() {
         assert!(begun.elapsed() < PATIENCE);

@@ -102,12 +102,7 @@ impl Cable {
                 }
             }
         });
-        Self {
-            heard,
-            over,
-            thread: Some(thread),
-            path,
-        }
+        Self { heard, over, thread: Some(thread), path }
     }
 
     fn heard(&self) -> Heard {
@@ -170,24 +165,13 @@ struct Trial {
 
 impl fmt::Display for Trial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            end,
-            from,
-            to,
-            took,
-        } = self;
-        write!(
-            f,
-            "{end:?} while {from}: {to} after {} ms",
-            took.as_millis()
-        )
+        let Self { end, from, to, took } = self;
+        write!(f, "{end:?} while {from}: {to} after {} ms", took.as_millis())
     }
 }
 
 fn send(signal: &str, tool: &Child) {
-    let sent = Command::new("kill")
-        .args([&format!("-{signal}"), &tool.id().to_string()])
-        .status();
+    let sent = Command::new("kill").args([&format!("-{signal}"), &tool.id().to_string()]).status();
     assert!(sent.unwrap().success());
 }
 
@@ -200,9 +184,7 @@ fn trial(rig: &str, end: End, from: StateKind, later: Duration) -> Trial {
         .spawn()
         .unwrap();
     cable.wait_for("standby", |heard| heard.state == Some(StateKind::Standby));
-    let neutral_us = cable
-        .wait_for("a pulse", |heard| heard.pulse_us > 0)
-        .pulse_us;
+    let neutral_us = cable.wait_for("a pulse", |heard| heard.pulse_us > 0).pulse_us;
     cable.wait_for("the flight", |heard| heard.state == Some(from));
     std::thread::sleep(later);
     let from = cable.heard().state.unwrap();
@@ -244,12 +226,7 @@ fn trial(rig: &str, end: End, from: StateKind, later: Duration) -> Trial {
         assert!(said.contains("went away"), "{said}");
     }
     cable.pull();
-    Trial {
-        end,
-        from,
-        to,
-        took,
-    }
+    Trial { end, from, to, took }
 }
 
 /// Ends this number of flights of one vehicle, by one way after the other from `first` on, at
@@ -307,10 +284,7 @@ fn a_vehicle_whose_sensor_is_gone_is_disarmed_all_the_same() {
     assert!(words.starts_with("disarmed; fault remains: IMU"), "{words}");
     let object = running::json(&running::tvc(&["disarm", "--json", "--port", &port]));
     assert_eq!(object["state"], "failsafe", "{object}");
-    assert!(
-        object["fault"].as_str().unwrap().starts_with("IMU"),
-        "{object}"
-    );
+    assert!(object["fault"].as_str().unwrap().starts_with("IMU"), "{object}");
 }
 
 #[test]

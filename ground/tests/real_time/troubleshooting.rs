@@ -59,10 +59,7 @@ fn rows() -> Vec<Row> {
         if last == "at the rig" {
             at_the_rig = true;
         } else if at_the_rig {
-            rows.push(Row {
-                seen: cells[0],
-                at_the_rig: last,
-            });
+            rows.push(Row { seen: cells[0], at_the_rig: last });
         }
     }
     rows
@@ -84,12 +81,7 @@ impl Bench {
     fn new() -> Self {
         let ready = ready();
         let texts = ready.station.received().texts.len();
-        Self {
-            pilot: Pilot::new([0.3, 0.0], 0.2, Manner::Steady),
-            said: Vec::new(),
-            texts,
-            ready,
-        }
+        Self { pilot: Pilot::new([0.3, 0.0], 0.2, Manner::Steady), said: Vec::new(), texts, ready }
     }
 
     fn run(&mut self, time: Ticks) {

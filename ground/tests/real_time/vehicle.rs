@@ -20,14 +20,7 @@ impl Rig {
     pub(crate) fn start(options: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let link = folder.path().join("nano");
-        let fixed = [
-            "rig",
-            "--pty",
-            "--seconds",
-            "600",
-            "--link",
-            link.to_str().unwrap(),
-        ];
+        let fixed = ["rig", "--pty", "--seconds", "600", "--link", link.to_str().unwrap()];
         let (running, port) = Running::start(&[&fixed, options].concat());
         assert!(port.starts_with("/dev/"), "{port}");
         Self { running, folder }

@@ -20,18 +20,11 @@ pub(crate) fn folder() -> PathBuf {
 /// Runs every file of `golden/refused` for the program `name` in `folder`.
 pub(crate) fn run(name: &str, folder: &Path) {
     let pattern = self::folder().join("refused/*.trycmd");
-    assert!(
-        !commands_run().is_empty(),
-        "nothing in {}",
-        pattern.display()
-    );
+    assert!(!commands_run().is_empty(), "nothing in {}", pattern.display());
     // The commands run where the test runs; only this test of the file depends on where that is.
     std::env::set_current_dir(folder).unwrap();
     let cases = trycmd::TestCases::new();
-    cases
-        .register_bin(name, Path::new(crate::PROGRAM))
-        .case(pattern)
-        .run();
+    cases.register_bin(name, Path::new(crate::PROGRAM)).case(pattern).run();
 }
 
 /// Every command line in the files.
@@ -39,10 +32,7 @@ fn commands_run() -> BTreeSet<String> {
     let mut lines = BTreeSet::new();
     for entry in std::fs::read_dir(folder().join("refused")).unwrap() {
         let text = std::fs::read_to_string(entry.unwrap().path()).unwrap();
-        lines.extend(
-            text.lines()
-                .filter_map(|line| Some(line.strip_prefix("$ ")?.to_owned())),
-        );
+        lines.extend(text.lines().filter_map(|line| Some(line.strip_prefix("$ ")?.to_owned())));
     }
     lines
 }

@@ -16,11 +16,8 @@ use super::{command, commands_below, said};
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// What a vehicle says that is soon ready.
-const VEHICLE_WAITS: [&str; 3] = [
-    "attitude still settling",
-    "gyro offset unknown",
-    "the vehicle holds no release",
-];
+const VEHICLE_WAITS: [&str; 3] =
+    ["attitude still settling", "gyro offset unknown", "the vehicle holds no release"];
 
 /// Where the keys are stored, a file for each command and a path a line.
 pub(crate) fn folder() -> PathBuf {
@@ -46,9 +43,7 @@ pub(crate) fn difference(name: &str, objects: &[Value]) -> Option<String> {
         .iter()
         .filter(|path| {
             let below = |other: &&String| {
-                other
-                    .strip_prefix(path.as_str())
-                    .is_some_and(|rest| rest.starts_with(['.', '[']))
+                other.strip_prefix(path.as_str()).is_some_and(|rest| rest.starts_with(['.', '[']))
             };
             found.iter().any(|other| below(&other))
         })
@@ -111,10 +106,7 @@ pub(crate) fn check_all(folder: &Path, runs: &[(&str, &str)], more: &[&str]) -> 
         found.entry(name).or_default().extend(objects);
     }
     found.remove("");
-    found
-        .iter()
-        .filter_map(|(name, objects)| difference(name, objects))
-        .collect()
+    found.iter().filter_map(|(name, objects)| difference(name, objects)).collect()
 }
 
 /// Every command with `--json` is among `runs`, and every name of these has its file.
@@ -137,9 +129,8 @@ pub(crate) fn assert_complete(runs: &[(&str, &str)], at_least: usize) {
     let named = runs.iter().filter(|(name, _)| !name.is_empty());
     let names: BTreeSet<String> = named.map(|(name, _)| format!("{name}.txt")).collect();
     let stored = std::fs::read_dir(folder()).unwrap();
-    let stored: BTreeSet<String> = stored
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect();
+    let stored: BTreeSet<String> =
+        stored.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     assert_eq!(names, stored);
 }
 

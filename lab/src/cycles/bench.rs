@@ -38,34 +38,19 @@ impl Bench {
     /// Boots an image on a chip with these flash wait states, to where it waits for its first
     /// sample.
     pub fn boot(image: &Image, wait_states: u8) -> Result<Self> {
-        let mut chip = Chip::new(Options {
-            wait_states: Some(wait_states),
-            ..Options::default()
-        });
+        let mut chip = Chip::new(Options { wait_states: Some(wait_states), ..Options::default() });
         chip.load_flash(image.address(), image.bytes());
         chip.boot(image.address());
-        let symbol = |name: &str| {
-            image
-                .symbol(name)
-                .with_context(|| format!("the image has no {name}"))
-        };
+        let symbol =
+            |name: &str| image.symbol(name).with_context(|| format!("the image has no {name}"));
         let input = symbol("INPUT")?.wrapping_sub(RAM_BASE) as usize;
-        ensure!(
-            input + 4 * WORDS <= image.sizes().static_ram as usize,
-            "INPUT is no variable"
-        );
+        ensure!(input + 4 * WORDS <= image.sizes().static_ram as usize, "INPUT is no variable");
         run_to(&mut chip, ASKED)?;
         let asked = chip.registers();
         let free = RAM_BASE + image.sizes().static_ram;
         let stack = (free - RAM_BASE) as usize..(asked.msp - RAM_BASE) as usize;
         chip.ram_mut()[stack].fill(PAINT);
-        Ok(Self {
-            input,
-            up: symbol("UP")?,
-            chip,
-            asked,
-            free,
-        })
+        Ok(Self { input, up: symbol("UP")?, chip, asked, free })
     }
 
     /// Cycles of the update with this sample.
@@ -130,9 +115,6 @@ fn run_to(chip: &mut Chip, breakpoint: u16) -> Result<()> {
     match chip.memory().read_u16(chip.pc()) {
         Some(found) if found == breakpoint => Ok(()),
         Some(PANIC) => bail!("the update panicked"),
-        _ => bail!(
-            "the image stopped where it should not, at 0x{:x}",
-            chip.pc()
-        ),
+        _ => bail!("the image stopped where it should not, at 0x{:x}", chip.pc()),
     }
 }

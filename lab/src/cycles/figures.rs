@@ -123,11 +123,7 @@ impl Figures {
 impl LawFigures {
     /// As [`Figures::new`].
     pub fn new(law: &Law, runs: &[Run; 2], update: &Image, empty: &Image) -> Self {
-        Self {
-            law: law.name,
-            scalar: law.scalar.to_string(),
-            cost: Cost::new(runs, update, empty),
-        }
+        Self { law: law.name, scalar: law.scalar.to_string(), cost: Cost::new(runs, update, empty) }
     }
 
     fn row(&self) -> Vec<String> {
@@ -152,15 +148,7 @@ pub struct Report {
 /// Columns that name what was measured, of filters and of laws, and those of its figures.
 const FILTER: &[&str] = &["filter", "mode", "scalar"];
 const LAW: &[&str] = &["law", "scalar"];
-const FIGURES: [&str; 7] = [
-    "mean",
-    "max",
-    "mean, 1 WS",
-    "max, 1 WS",
-    "code",
-    "RAM",
-    "stack",
-];
+const FIGURES: [&str; 7] = ["mean", "max", "mean, 1 WS", "max, 1 WS", "code", "RAM", "stack"];
 
 impl Report {
     /// The figures of images that were all built in this way.

@@ -40,11 +40,7 @@ impl Sample {
     /// Up in the sensor's axes, where there is a reference.
     pub fn up(&self) -> Option<[f64; 3]> {
         self.reference.map(|[w, x, y, z]| {
-            [
-                2.0 * (x * z - w * y),
-                2.0 * (y * z + w * x),
-                w * w - x * x - y * y + z * z,
-            ]
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z]
         })
     }
 
@@ -85,11 +81,7 @@ impl Sample {
         let made = [self.gyr[0], self.gyr[1], self.gyr[2], self.acc[0]].map(f64::from);
         let q = self.reference.unwrap_or(made);
         let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
-        let q = if norm > 0.0 {
-            q.map(|c| c / norm)
-        } else {
-            [1.0, 0.0, 0.0, 0.0]
-        };
+        let q = if norm > 0.0 { q.map(|c| c / norm) } else { [1.0, 0.0, 0.0, 0.0] };
         let mut words = [0; WORDS];
         words[..4].copy_from_slice(&q.map(|c| match scalar {
             Scalar::Fixed => (c * f64::from(1 << 30)).round() as i32 as u32,
@@ -126,12 +118,8 @@ pub fn recorded(recording: &Recording) -> Result<Vec<Sample>> {
                 dt_us: PERIOD_US,
                 gyr: axes.map(|i| mean(samples.map(|s| s.gyr_rad_s[i]), scale.gyr_rad_s)),
                 acc: axes.map(|i| mean(samples.map(|s| s.acc_m_s2[i]), scale.acc_m_s2)),
-                mag: axes.map(|i| {
-                    mean(
-                        samples.map(|s| s.mag_ut.unwrap_or_default()[i]),
-                        scale.mag_ut,
-                    )
-                }),
+                mag: axes
+                    .map(|i| mean(samples.map(|s| s.mag_ut.unwrap_or_default()[i]), scale.mag_ut)),
                 reference: newest.reference.filter(|_| newest.movement),
             }
         })
@@ -208,10 +196,7 @@ pub fn hard(plain: &[Sample], length: usize) -> Vec<Hard> {
         let (_, change) = HARD[rng.random_range(0..HARD.len())];
         sample(i, change, rng)
     });
-    all.push(Hard {
-        name: "all sorts by turns",
-        samples: mixed.collect(),
-    });
+    all.push(Hard { name: "all sorts by turns", samples: mixed.collect() });
     all
 }
 

@@ -160,12 +160,7 @@ pub fn run(options: &Cycles) -> Result<Verdict> {
 /// The filters that the options name; each name must match one. All where none is named, unless
 /// laws are.
 fn choose(options: &Cycles) -> Result<Vec<Candidate>> {
-    let Cycles {
-        filter,
-        library,
-        law,
-        ..
-    } = options;
+    let Cycles { filter, library, law, .. } = options;
     let mut all = candidates::all();
     let is_filter = |c: &Candidate, name: &str| c.filter.contains(name);
     let is_library = |c: &Candidate, name: &str| c.library == name;
@@ -176,9 +171,7 @@ fn choose(options: &Cycles) -> Result<Vec<Candidate>> {
     let (filters, libraries) = (filter.join(", "), library.join(", "));
     match (filters.is_empty() && libraries.is_empty(), all.is_empty()) {
         (true, _) if !law.is_empty() => Ok(Vec::new()),
-        (_, true) => bail!(BadInput::new(format!(
-            "{libraries} has no filter {filters}"
-        ))),
+        (_, true) => bail!(BadInput::new(format!("{libraries} has no filter {filters}"))),
         _ => Ok(all),
     }
 }
@@ -202,18 +195,13 @@ fn must_be_there<T>(
     is: impl Fn(&T, &str) -> bool,
     known: impl Fn(&T) -> String,
 ) -> Result<()> {
-    let Some(name) = names
-        .iter()
-        .find(|name| !all.iter().any(|one| is(one, name)))
-    else {
+    let Some(name) = names.iter().find(|name| !all.iter().any(|one| is(one, name))) else {
         return Ok(());
     };
     let known: Vec<_> = all.iter().map(known).collect();
     let known: BTreeSet<_> = known.iter().flat_map(|known| known.split(", ")).collect();
     let known = known.into_iter().collect::<Vec<_>>().join(", ");
-    bail!(BadInput::new(format!(
-        "no {what} {name}; there are {known}"
-    )))
+    bail!(BadInput::new(format!("no {what} {name}; there are {known}")))
 }
 
 /// Makes images of the package `cycles`.
@@ -225,12 +213,8 @@ struct Maker {
 
 impl Maker {
     fn image(&self, features: &[&str]) -> Result<Image> {
-        let source = Source {
-            folder: &self.folder,
-            package: "cycles",
-            profile: self.profile,
-            features,
-        };
+        let source =
+            Source { folder: &self.folder, package: "cycles", profile: self.profile, features };
         Ok(self.builder.build(&source)?)
     }
 
@@ -278,9 +262,7 @@ fn without_and_with_wait_state(run: impl Fn(u8) -> Result<Run> + Sync) -> Result
     let [ideal, waiting] = thread::scope(|scope| {
         let waiting = scope.spawn(|| run(1));
         let ideal = run(0);
-        let waiting = waiting
-            .join()
-            .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        let waiting = waiting.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         [ideal, waiting]
     });
     Ok([ideal?, waiting?])

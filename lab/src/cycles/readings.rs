@@ -52,13 +52,8 @@ pub struct Hard {
 
 /// Flies `law` out of a held tilt: a servo with lag and limited speed on a double integrator.
 pub fn release(law: &Law) -> Vec<Step> {
-    let SurfaceConfig {
-        plant_gain,
-        effect_s,
-        sensor_lag_s,
-        actuator_rate,
-        ..
-    } = ::cycles::surface();
+    let SurfaceConfig { plant_gain, effect_s, sensor_lag_s, actuator_rate, .. } =
+        ::cycles::surface();
     // The servo itself, of which the surface's gains have a model as it is best taken to be.
     let ServoModel { loop_s, lag_s, .. } = ServoModel::S3003;
     let wide = f64::from;
@@ -148,10 +143,7 @@ const HARD: [(&str, Change); 11] = [
     ("no numbers", |i, word, rng| {
         let number = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][rng.random_range(0..3)];
         let place = [&mut i.value, &mut i.rate, &mut i.setpoint];
-        *place
-            .into_iter()
-            .nth(rng.random_range(0..3))
-            .expect("one of three") = word(number);
+        *place.into_iter().nth(rng.random_range(0..3)).expect("one of three") = word(number);
     }),
     ("random bits", |i, _, rng| {
         (i.setpoint, i.value, i.rate) = rng.random();
@@ -213,10 +205,7 @@ pub fn hard(law: &Law, release: &[Step]) -> Vec<Hard> {
 }
 
 fn steps(mut law: Box<dyn ::cycles::Law>, inputs: &[Input]) -> Vec<Step> {
-    let mut step = |&input: &Input| Step {
-        input,
-        output: law.update(&input),
-    };
+    let mut step = |&input: &Input| Step { input, output: law.update(&input) };
     inputs.iter().map(&mut step).collect()
 }
 
@@ -257,11 +246,7 @@ mod tests {
                 let outputs = sort.from_rest.iter().chain(&sort.after_release);
                 let numbers = outputs.filter(|step| (law.number)(step.output).is_finite());
                 let share = numbers.count() as f64 / (2 * sort.from_rest.len()) as f64;
-                assert!(
-                    law.name == "pd" || share == 1.0,
-                    "{law}, {}: {share}",
-                    sort.name
-                );
+                assert!(law.name == "pd" || share == 1.0, "{law}, {}: {share}", sort.name);
             }
         }
     }

@@ -61,14 +61,7 @@ const fn thesis(name: &'static str, filter: FilterName) -> Candidate {
 }
 
 const fn ours(name: &'static str, origin: Origin, filter: FilterName, scalar: Scalar) -> Candidate {
-    Candidate {
-        name,
-        origin,
-        filter,
-        scalar,
-        settings: &[],
-        gyro_heading: false,
-    }
+    Candidate { name, origin, filter, scalar, settings: &[], gyro_heading: false }
 }
 
 /// All candidates. The thesis' four come first, in the order of its tables.
@@ -78,47 +71,29 @@ pub const CANDIDATES: [Candidate; 10] = [
     thesis("Mahony, thesis", FilterName::Mahony),
     thesis("Madgwick, thesis", FilterName::Madgwick),
     ours("Mahony", Origin::Required, FilterName::Mahony, Scalar::F32),
-    ours(
-        "Mahony, fixed point",
-        Origin::Required,
-        FilterName::Mahony,
-        Scalar::Fixed,
-    ),
+    ours("Mahony, fixed point", Origin::Required, FilterName::Mahony, Scalar::Fixed),
     ours("VQF class", Origin::Required, FilterName::Vqf, Scalar::F32),
-    ours(
-        "VQF class, fixed point",
-        Origin::Required,
-        FilterName::Vqf,
-        Scalar::Fixed,
-    ),
+    ours("VQF class, fixed point", Origin::Required, FilterName::Vqf, Scalar::Fixed),
     ours("Madgwick", Origin::Ours, FilterName::Madgwick, Scalar::F32),
-    ours(
-        "complementary",
-        Origin::Ours,
-        FilterName::Complementary,
-        Scalar::F32,
-    ),
+    ours("complementary", Origin::Ours, FilterName::Complementary, Scalar::F32),
 ];
 
 impl Candidate {
     /// Roll, pitch and yaw at each sample, NaN before the estimator has started; yaw within half a
     /// turn of the true heading.
     pub fn estimate(&self, kind: Kind, samples: &[TimedSample]) -> Result<Vec<Angles>> {
-        let settings = self.settings.iter().map(|(key, value)| Setting {
-            key: (*key).into(),
-            value: (*value).into(),
-        });
+        let settings = self
+            .settings
+            .iter()
+            .map(|(key, value)| Setting { key: (*key).into(), value: (*value).into() });
         let choice = Choice {
             filter: self.filter,
             scalar: self.scalar,
             mode: Mode::NineD,
             settings: settings.collect(),
         };
-        let facts = Facts {
-            period_s: PERIOD_S,
-            scale: fixed::Scale::BNO055,
-            gyro_range_rad_s: None,
-        };
+        let facts =
+            Facts { period_s: PERIOD_S, scale: fixed::Scale::BNO055, gyro_range_rad_s: None };
         let mut estimate = Estimate::new(&choice, &facts).context(self.name)?;
         let mut started = !self.gyro_heading;
         Ok(samples
@@ -143,10 +118,7 @@ impl Candidate {
             time_s: sample.time_s,
             gyr_rad_s: si(reading.gyr, unit.gyr_rad_s),
             acc_m_s2: si(reading.acc, unit.acc_m_s2),
-            mag_ut: reading
-                .mag
-                .filter(|_| compass)
-                .map(|mag| si(mag, unit.mag_ut)),
+            mag_ut: reading.mag.filter(|_| compass).map(|mag| si(mag, unit.mag_ut)),
             reference: None,
             movement: true,
         }
@@ -157,11 +129,7 @@ fn angles_deg([w, x, y, z]: [f64; 4], heading_deg: f64) -> Angles {
     let euler = Quaternion { w, x, y, z }.euler();
     let yaw_deg = euler.yaw_rad.to_degrees();
     let turn = ((yaw_deg - heading_deg + 180.0).rem_euclid(360.0)) - 180.0;
-    [
-        euler.roll_rad.to_degrees(),
-        euler.pitch_rad.to_degrees(),
-        heading_deg + turn,
-    ]
+    [euler.roll_rad.to_degrees(), euler.pitch_rad.to_degrees(), heading_deg + turn]
 }
 
 #[cfg(test)]

@@ -61,11 +61,7 @@ pub struct Published {
 }
 
 const fn published(mean: Angles, std: Angles, combined: f64) -> Published {
-    Published {
-        signal_mean_deg: mean,
-        signal_std_deg: std,
-        combined_rmse_deg: combined,
-    }
+    Published { signal_mean_deg: mean, signal_std_deg: std, combined_rmse_deg: combined }
 }
 
 /// Tables 6.1 and 6.3, in the order of [`CANDIDATES`].
@@ -167,9 +163,7 @@ impl Estimator {
     /// Its figures, held to what is required of it.
     fn figures(&self, kind: Kind) -> [Figure; 7] {
         let held = |is_held: bool, limit: Limit| (is_held && self.required).then_some(limit);
-        let mean = self
-            .required
-            .then_some(Within(-MOST_MEAN_DEG, MOST_MEAN_DEG));
+        let mean = self.required.then_some(Within(-MOST_MEAN_DEG, MOST_MEAN_DEG));
         let rmse = held(kind == Kind::Motion, AtMost(MOST_MOTION_DEG));
         let combined = held(kind == Kind::Static, AtMost(MOST_STATIC_DEG));
         let deg = |key, deg: f64, label: &str| figure(key, deg).shown(label, "", 3);
@@ -207,18 +201,12 @@ impl Estimator {
 
 /// All figures: under `estimators` a row for each.
 pub fn figures(kind: Kind, seed: u64, samples: &[TimedSample], all: &[Estimator]) -> Figures {
-    let counted = samples
-        .iter()
-        .filter(|sample| kind.counts(sample.time_s))
-        .count();
+    let counted = samples.iter().filter(|sample| kind.counts(sample.time_s)).count();
     Figures::from([
         figure("experiment", kind.name()),
         figure("seed", seed),
         figure("samples", counted),
-        rows(
-            "estimators",
-            all.iter().map(|estimator| estimator.figures(kind)),
-        ),
+        rows("estimators", all.iter().map(|estimator| estimator.figures(kind))),
     ])
 }
 
@@ -228,39 +216,21 @@ pub fn signals(all: &[Estimator]) -> Table {
     let line = |name: &str, mean: Angles, std: Angles| {
         let pairs = mean.into_iter().zip(std);
         let cells = pairs.flat_map(|(mean, std)| [mean, std].map(|deg| format!("{deg:.3}")));
-        std::iter::once(name.to_owned())
-            .chain(cells)
-            .collect::<Vec<_>>()
+        std::iter::once(name.to_owned()).chain(cells).collect::<Vec<_>>()
     };
-    let rows = all.iter().flat_map(
-        |Estimator {
-             name, axes, thesis, ..
-         }| {
-            let mean = axes.map(|axis| axis.signal_mean_deg);
-            let own = line(name, mean, axes.map(|axis| axis.signal_std_deg));
-            let published = thesis.map(|thesis| {
-                line(
-                    "as published",
-                    thesis.signal_mean_deg,
-                    thesis.signal_std_deg,
-                )
-            });
-            std::iter::once(own).chain(published)
-        },
-    );
+    let rows = all.iter().flat_map(|Estimator { name, axes, thesis, .. }| {
+        let mean = axes.map(|axis| axis.signal_mean_deg);
+        let own = line(name, mean, axes.map(|axis| axis.signal_std_deg));
+        let published = thesis
+            .map(|thesis| line("as published", thesis.signal_mean_deg, thesis.signal_std_deg));
+        std::iter::once(own).chain(published)
+    });
     Table::new(SIGNAL_COLUMNS, rows)
 }
 
 /// Columns of [`signals`].
-const SIGNAL_COLUMNS: [&str; 7] = [
-    "estimate, deg",
-    "roll mean",
-    "std",
-    "pitch mean",
-    "std",
-    "yaw mean",
-    "std",
-];
+const SIGNAL_COLUMNS: [&str; 7] =
+    ["estimate, deg", "roll mean", "std", "pitch mean", "std", "yaw mean", "std"];
 
 #[cfg(test)]
 mod tests {
@@ -283,19 +253,12 @@ mod tests {
     #[test]
     fn the_published_tables_agree_with_the_definition() {
         for row in STATIC {
-            let deviation = [
-                row.signal_mean_deg[0],
-                row.signal_mean_deg[1],
-                row.signal_mean_deg[2] - 200.0,
-            ];
+            let deviation =
+                [row.signal_mean_deg[0], row.signal_mean_deg[1], row.signal_mean_deg[2] - 200.0];
             let sum: f64 = deviation.iter().map(|d| d * d).sum::<f64>()
                 + row.signal_std_deg.iter().map(|s| s * s).sum::<f64>();
             let combined = row.combined_rmse_deg;
-            assert!(
-                (sum.sqrt() - combined).abs() < 0.02,
-                "{row:?}: {}",
-                sum.sqrt()
-            );
+            assert!((sum.sqrt() - combined).abs() < 0.02, "{row:?}: {}", sum.sqrt());
         }
     }
 
@@ -317,10 +280,7 @@ mod tests {
         };
         let missed = |kind| figures(kind, 1, &[], std::slice::from_ref(&estimator)).missed_keys();
         let mean = "estimators[0].pitch.mean_deg";
-        assert_eq!(
-            missed(Kind::Static),
-            [mean, "estimators[0].combined_rmse_deg"]
-        );
+        assert_eq!(missed(Kind::Static), [mean, "estimators[0].combined_rmse_deg"]);
         assert_eq!(missed(Kind::Motion), [mean, "estimators[0].pitch.rmse_deg"]);
     }
 }

@@ -47,11 +47,7 @@ pub fn run(options: &Experiment) -> Result<Verdict> {
 
     let estimators = Estimator::all(kind, &samples, &estimates);
     let figures = figures::figures(kind, sensing.seed, &samples, &estimators);
-    let traces = Traces {
-        kind,
-        samples: &samples,
-        estimates: &estimates,
-    };
+    let traces = Traces { kind, samples: &samples, estimates: &estimates };
     let page = report::render(&traces, sensing.seed, &figures, &estimators)?;
     figures.conclude(sensing.json, Some((&path, page)))
 }

@@ -130,13 +130,8 @@ fn amount(text: &str, most: f64) -> Result<f64, String> {
 }
 
 fn triple(text: &str, most: f64) -> Result<Triple, String> {
-    let numbers = text
-        .split(',')
-        .map(|part| number(part, most))
-        .collect::<Result<Vec<_>, _>>()?;
-    numbers
-        .try_into()
-        .map_err(|_| "three numbers, such as 0.1,0,-0.2".into())
+    let numbers = text.split(',').map(|part| number(part, most)).collect::<Result<Vec<_>, _>>()?;
+    numbers.try_into().map_err(|_| "three numbers, such as 0.1,0,-0.2".into())
 }
 
 #[cfg(test)]

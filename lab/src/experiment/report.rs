@@ -24,11 +24,7 @@ pub fn render(
     estimators: &[Estimator],
 ) -> Result<String> {
     let kind = traces.kind;
-    let counted = traces
-        .samples
-        .iter()
-        .filter(|sample| kind.counts(sample.time_s))
-        .count();
+    let counted = traces.samples.iter().filter(|sample| kind.counts(sample.time_s)).count();
     let missed = figures.missed();
     let body = html! {
         @if missed.is_empty() {
@@ -60,10 +56,7 @@ pub fn render(
              figures."
         }
     };
-    Ok(page(
-        &format!("Navigation experiment of the thesis: {}", title(kind)),
-        body,
-    ))
+    Ok(page(&format!("Navigation experiment of the thesis: {}", title(kind)), body))
 }
 
 fn title(kind: Kind) -> &'static str {
@@ -97,11 +90,7 @@ pub struct Traces<'a> {
 impl Traces<'_> {
     /// Time (s) and angle (deg) of a line; yaw is drawn as its difference to the true heading.
     fn points(&self, axis: usize, angles: impl Iterator<Item = Angles>) -> Vec<(f64, f64)> {
-        let origin = if axis == 2 {
-            self.kind.heading_deg()
-        } else {
-            0.0
-        };
+        let origin = if axis == 2 { self.kind.heading_deg() } else { 0.0 };
         self.samples
             .iter()
             .zip(angles)
@@ -168,20 +157,13 @@ impl Traces<'_> {
         let axes = || AXES.iter().enumerate().zip(COLOURS);
         let mut lines = Vec::new();
         for ((axis, name), colour) in axes() {
-            lines.push(Line {
-                name,
-                colour,
-                ..self.reference(axis)
-            });
+            lines.push(Line { name, colour, ..self.reference(axis) });
         }
         figures.push(figure("Reference.", self.plot(STACKED, lines)?));
         for (index, candidate) in CANDIDATES.iter().enumerate() {
             let mut lines = Vec::new();
             for ((axis, name), colour) in axes() {
-                lines.push(Line {
-                    name,
-                    ..self.estimate(axis, index, colour)
-                });
+                lines.push(Line { name, ..self.estimate(axis, index, colour) });
             }
             let caption = format!("{}.", capital(candidate.name));
             figures.push(figure(&caption, self.plot(STACKED, lines)?));
@@ -218,8 +200,5 @@ fn label(axis: usize) -> &'static str {
 
 fn capital(name: &str) -> String {
     let mut letters = name.chars();
-    letters
-        .next()
-        .map(|first| first.to_uppercase().chain(letters).collect())
-        .unwrap_or_default()
+    letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
 }

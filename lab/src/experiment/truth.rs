@@ -91,10 +91,7 @@ impl Kind {
         };
         let sign = if moving_s > 0.5 * MOTION_S { -1.0 } else { 1.0 };
         let amplitude = AMPLITUDE_DEG.to_radians();
-        (
-            sign * amplitude * phase.sin(),
-            amplitude * phase_rate * phase.cos(),
-        )
+        (sign * amplitude * phase.sin(), amplitude * phase_rate * phase.cos())
     }
 
     /// True roll, pitch and yaw.
@@ -165,11 +162,7 @@ pub fn samples(kind: Kind, sensing: &Sensing, done: &mut dyn FnMut(f64)) -> Vec<
 /// The errors of the sensors: a typical chip's noise, and offsets as asked for.
 fn errors(sensing: &Sensing) -> ImuErrors {
     let typical = ImuErrors::default();
-    let noise = if sensing.no_noise {
-        ImuErrors::NONE
-    } else {
-        typical
-    };
+    let noise = if sensing.no_noise { ImuErrors::NONE } else { typical };
     let [x, y, z] = sensing.soft_iron;
     ImuErrors {
         gyro_bias_rad_s: match sensing.gyro_bias {

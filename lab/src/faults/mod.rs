@@ -91,9 +91,8 @@ fn fly(options: &Faults) -> Result<Verdict> {
     for flown in &all {
         let base = Base::new(&image, flown)?;
         let cases = of_shard.cases(options, flown, &base);
-        let flown_rows = carry_out("runs", &cases, options.campaign.jobs, |case| {
-            base.row(flown, *case)
-        })?;
+        let flown_rows =
+            carry_out("runs", &cases, options.campaign.jobs, |case| base.row(flown, *case))?;
         for (case, row) in cases.iter().zip(&flown_rows) {
             if row.end.is_bad() {
                 bad.push((Scenario::new(flown, *case, &image), row.clone()));
@@ -213,10 +212,7 @@ impl Shard {
     /// # Errors
     /// The phase does not have a kind.
     fn of(options: &Faults, all: &[Flown]) -> Result<Self> {
-        let sensor_kind = options
-            .kind
-            .iter()
-            .find(|kind| matches!(kind, Kind::Sensor(_)));
+        let sensor_kind = options.kind.iter().find(|kind| matches!(kind, Kind::Sensor(_)));
         let other_phase = all.iter().find(|flown| flown.phase != Phase::Flight);
         if let (Some(kind), Some(flown)) = (sensor_kind, other_phase) {
             let why = format!("--phase {}: {kind} is a fault of phase flight", flown.phase);
@@ -224,21 +220,10 @@ impl Shard {
         }
         let kinds: usize = all.iter().map(|flown| kinds(options, flown).len()).sum();
         let is_sound = all.iter().any(|flown| flown.plan == Plan::Sound);
-        let usual = if is_sound {
-            SOUND_OF_EACH
-        } else {
-            RUNS_OF_EACH
-        };
-        let of_each = options
-            .runs
-            .map_or(usual, |runs| runs.div_ceil(kinds.max(1) as u32));
+        let usual = if is_sound { SOUND_OF_EACH } else { RUNS_OF_EACH };
+        let of_each = options.runs.map_or(usual, |runs| runs.div_ceil(kinds.max(1) as u32));
         let (part, parts) = options.shard.unwrap_or((0, 1));
-        Ok(Self {
-            of_each,
-            part,
-            parts,
-            index: 0,
-        })
+        Ok(Self { of_each, part, parts, index: 0 })
     }
 
     /// The runs of a campaign, by kind and number.

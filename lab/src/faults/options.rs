@@ -145,30 +145,22 @@ impl Faults {
                 "--vehicle rocket: the campaign's flights are those of a drone; take drone or drone2",
             ));
         }
-        let phases = self
-            .phase
-            .map_or_else(|| plan.phases(), |phase| vec![phase]);
+        let phases = self.phase.map_or_else(|| plan.phases(), |phase| vec![phase]);
         if let Some(phase) = phases.iter().find(|phase| plan.kinds(**phase).is_empty()) {
             let why = format!("--phase {phase}: the campaign of {plan} has none of that");
             return Err(BadInput::new(why));
         }
         if plan == Plan::Glitches && phases != [Phase::Flight] {
-            return Err(BadInput::new(
-                "--phase: glitches are flown, in phase flight",
-            ));
+            return Err(BadInput::new("--phase: glitches are flown, in phase flight"));
         }
         let all = match plan {
             Plan::Resets | Plan::Sound => 2,
             _ => 1,
         };
         let servos = [ServoKind::S3003, ServoKind::Digital];
-        let servos = self
-            .servo
-            .map_or(servos[..all].to_vec(), |servo| vec![servo]);
+        let servos = self.servo.map_or(servos[..all].to_vec(), |servo| vec![servo]);
         let vehicles = VehicleKind::DRONES;
-        let vehicles = self
-            .vehicle
-            .map_or(vehicles[..all].to_vec(), |vehicle| vec![vehicle]);
+        let vehicles = self.vehicle.map_or(vehicles[..all].to_vec(), |vehicle| vec![vehicle]);
         let mut flown = Vec::new();
         for servo in servos {
             for vehicle in &vehicles {

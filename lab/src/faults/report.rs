@@ -19,12 +19,7 @@ const SLOT_S: f64 = 0.2;
 
 /// The whole page; `rows` is not empty.
 pub fn render(figures: &Figures, rows: &[Row]) -> Result<String> {
-    let Row {
-        campaign,
-        phase,
-        seed,
-        ..
-    } = rows[0];
+    let Row { campaign, phase, seed, .. } = rows[0];
     let what = match campaign {
         Plan::Resets | Plan::Sound => campaign.to_string(),
         _ => format!("{campaign} in phase {phase}"),
@@ -96,12 +91,7 @@ fn endings(rows: &[Row], place: fn(&Row) -> (f64, f64)) -> Vec<Marks<'static>> {
         let runs = rows.iter().filter(|row| row.end == end);
         let points: Vec<(f64, f64)> = runs.map(place).collect();
         if !points.is_empty() {
-            marks.push(Marks {
-                name,
-                colour,
-                shape: Shape::Dot,
-                points,
-            });
+            marks.push(Marks { name, colour, shape: Shape::Dot, points });
         }
     }
     marks
@@ -127,12 +117,7 @@ fn against_blindness(
     plot.svg_as(&Look {
         log_x,
         x: Some((least, most)),
-        y: Some((
-            0.0,
-            all.iter()
-                .map(|p| 1.05 * p.1)
-                .fold(1.1 * limits[1], f64::max),
-        )),
+        y: Some((0.0, all.iter().map(|p| 1.05 * p.1).fold(1.1 * limits[1], f64::max))),
         marks: endings(rows, place),
         ..Look::default()
     })
@@ -151,12 +136,7 @@ fn instants(rows: &[Row]) -> Result<Markup> {
     let place = |row: &Row| (row.at_s, row.blind_ms());
     Ok(figure(
         "The same, against the instant of the flight, or of another phase, at which it began.",
-        against_blindness(
-            "since the release or the phase's begin, s",
-            false,
-            place,
-            rows,
-        )?,
+        against_blindness("since the release or the phase's begin, s", false, place, rows)?,
     ))
 }
 
@@ -200,8 +180,5 @@ fn listed(rows: &[&Row]) -> Markup {
         };
         vec![row.story(), ending, format!("{:.1}", row.blind_ms())]
     });
-    table(
-        &["run", "ended", "without control, ms"],
-        &rows.collect::<Vec<_>>(),
-    )
+    table(&["run", "ended", "without control, ms"], &rows.collect::<Vec<_>>())
 }

@@ -45,14 +45,7 @@ impl Scenario {
     /// # Errors
     /// The file cannot be written.
     pub fn write(&self, folder: &Path, row: &Row) -> Result<PathBuf> {
-        let Flown {
-            plan,
-            vehicle,
-            servo,
-            phase,
-            seed,
-            ..
-        } = &self.flown;
+        let Flown { plan, vehicle, servo, phase, seed, .. } = &self.flown;
         let path = folder.join(format!(
             "{plan}-{seed}-{phase}-{}-{}-{}-{}.toml",
             vehicle.name(),
@@ -79,22 +72,14 @@ impl Scenario {
         let Self { flown, kind, .. } = &scenario;
         flown.hardware.parse::<Hardware>()?;
         if !VehicleKind::DRONES.contains(&flown.vehicle) {
-            return Err(format!(
-                "there are no runs of vehicle {}",
-                flown.vehicle.name()
-            ));
+            return Err(format!("there are no runs of vehicle {}", flown.vehicle.name()));
         }
-        if flown
-            .seconds
-            .is_some_and(|seconds| !(1..=600).contains(&seconds))
-        {
+        if flown.seconds.is_some_and(|seconds| !(1..=600).contains(&seconds)) {
             return Err("seconds must be 1 to 600".into());
         }
         let (plan, phase) = (flown.plan, flown.phase);
         if !plan.kinds(phase).contains(kind) {
-            return Err(format!(
-                "{kind} is no fault of phase {phase} in the campaign of {plan}"
-            ));
+            return Err(format!("{kind} is no fault of phase {phase} in the campaign of {plan}"));
         }
         Ok(scenario)
     }

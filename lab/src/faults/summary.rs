@@ -28,11 +28,8 @@ fn of_faults(all: &[Row]) -> Vec<Figure> {
     };
     let any = |_: &Row| true;
     let upset = |row: &Row| matches!(row.kind, Kind::System(kind) if kind.is_upset());
-    let mut recovered = figure(
-        "recovered_pct",
-        share(&|row| row.end == End::Recovered, &any),
-    )
-    .shown("recovered", "%", 1);
+    let mut recovered = figure("recovered_pct", share(&|row| row.end == End::Recovered, &any))
+        .shown("recovered", "%", 1);
     if all[0].campaign == Plan::Glitches {
         recovered = recovered.limit(AtLeast(99.0));
     }
@@ -49,16 +46,8 @@ fn of_faults(all: &[Row]) -> Vec<Figure> {
     ];
     let figures = [
         figure("kinds", groups.len()).shown("kinds of faults", "", 0),
-        limit(
-            "deadline_ms",
-            "longest allowed off neutral without valid data",
-            DEADLINE,
-        ),
-        limit(
-            "wrong_limit_ms",
-            "longest allowed to be driven wrongly",
-            WRONG_LIMIT,
-        ),
+        limit("deadline_ms", "longest allowed off neutral without valid data", DEADLINE),
+        limit("wrong_limit_ms", "longest allowed to be driven wrongly", WRONG_LIMIT),
         rows("faults", groups.iter().map(|group| of_group(group, all))),
         figure("strays", all.iter().map(|row| row.strays).sum::<usize>()).shown(
             "pulses neither neutral nor asked for",
@@ -131,9 +120,7 @@ fn of_sound(all: &[Row]) -> Vec<Figure> {
             figure("kind", group.as_str()).shown("what happens", "", 0),
             figure("runs", runs().count()).shown("runs", "", 0),
             figure("hours", hours(&mut runs())).shown("flown", "h", 2),
-            figure("alarmed", alarmed)
-                .shown("alarmed", "", 0)
-                .limit(AtMost(0.0)),
+            figure("alarmed", alarmed).shown("alarmed", "", 0).limit(AtMost(0.0)),
         ];
         row.extend(ALARMS.iter().map(|(key, label, count)| {
             figure(key, runs().map(count).sum::<usize>()).shown(*label, "", 0)
@@ -163,17 +150,10 @@ fn of_group(group: &str, all: &[Row]) -> Vec<Figure> {
         figure(key, runs().filter(|row| is_one(row)).count()).shown(key, "", 0)
     };
     let worst = |of: fn(&Row) -> f64| runs().map(of).fold(0.0, f64::max);
-    let mut row = vec![
-        figure("kind", group).shown("fault", "", 0),
-        count("runs", &|_| true),
-    ];
+    let mut row = vec![figure("kind", group).shown("fault", "", 0), count("runs", &|_| true)];
     for (end, name) in End::ALL {
         let counted = count(name, &|row| row.end == end);
-        row.push(if end == End::Unsafe {
-            counted.limit(AtMost(0.0))
-        } else {
-            counted
-        });
+        row.push(if end == End::Unsafe { counted.limit(AtMost(0.0)) } else { counted });
     }
     row.push(count("noticed", &|row| row.noticed));
     row.push(count("harmless", &|row| row.harmless));

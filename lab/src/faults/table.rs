@@ -189,10 +189,7 @@ impl Row {
     /// sound vehicles.
     fn in_common(&self) -> (Plan, Option<(VehicleKind, ServoKind, Phase)>) {
         let is_one_flight = !matches!(self.campaign, Plan::Resets | Plan::Sound);
-        (
-            self.campaign,
-            is_one_flight.then_some((self.vehicle, self.servo, self.phase)),
-        )
+        (self.campaign, is_one_flight.then_some((self.vehicle, self.servo, self.phase)))
     }
 
     /// The runs that it is counted with: of its kind; of resets with the same frame and drone, too;
@@ -201,11 +198,7 @@ impl Row {
         let Self { kind, phase, .. } = self;
         match self.campaign {
             Plan::Resets => {
-                format!(
-                    "{kind}, {phase}, {}, {}",
-                    self.vehicle.name(),
-                    self.servo.name()
-                )
+                format!("{kind}, {phase}, {}, {}", self.vehicle.name(), self.servo.name())
             }
             Plan::Sound => format!("{kind}, {phase}"),
             Plan::TimerBits => self.fault.rsplit(' ').next().unwrap_or_default().to_owned(),
@@ -215,14 +208,7 @@ impl Row {
 
     /// The run in words.
     pub fn story(&self) -> String {
-        let Self {
-            kind,
-            number,
-            fault,
-            at_s,
-            said,
-            ..
-        } = self;
+        let Self { kind, number, fault, at_s, said, .. } = self;
         let lasted_ms = self.lasted_s * 1e3;
         if self.end == End::Alarmed {
             return format!("{} run {number}, {fault}", self.group());
@@ -251,10 +237,7 @@ impl Row {
 impl campaign::Row for Row {
     fn check(&self, first: &Self) -> Result<(), String> {
         if !self.is_plausible() {
-            return Err(format!(
-                "run {} of {} has a time that is none",
-                self.number, self.kind
-            ));
+            return Err(format!("run {} of {} has a time that is none", self.number, self.kind));
         }
         if (first.seed, first.in_common()) != (self.seed, self.in_common()) {
             let differs = "seed, campaign, vehicle, servo or phase differs";
@@ -265,12 +248,6 @@ impl campaign::Row for Row {
 
     fn place(&self) -> impl Ord {
         let Self { kind, number, .. } = *self;
-        (
-            kind,
-            self.vehicle.name(),
-            self.servo.name(),
-            self.phase.name(),
-            number,
-        )
+        (kind, self.vehicle.name(), self.servo.name(), self.phase.name(), number)
     }
 }

@@ -99,15 +99,10 @@ pub fn run(options: &HardwareCampaign) -> Result<Verdict> {
 
 /// The settings with one of `only`.
 fn chosen(only: &[String]) -> Result<Vec<(&'static str, Ending)>, BadInput> {
-    if let Some(unknown) = only
-        .iter()
-        .find(|name| keys().all(|key| key.name != **name))
-    {
+    if let Some(unknown) = only.iter().find(|name| keys().all(|key| key.name != **name)) {
         let names: Vec<&str> = keys().map(|key| key.name).collect();
         let names = names.join(", ");
-        return Err(BadInput::new(format!(
-            "there is no key `{unknown}`; the keys are {names}"
-        )));
+        return Err(BadInput::new(format!("there is no key `{unknown}`; the keys are {names}")));
     }
     let settings = settings::with(only);
     if settings.is_empty() {
@@ -136,7 +131,5 @@ fn fly(
             Ok(setup)
         })
         .collect::<Result<_, BadInput>>()?;
-    carry_out("boots", &setups, options.campaign.jobs, |setup| {
-        Ok(row::fly(image, setup, starts))
-    })
+    carry_out("boots", &setups, options.campaign.jobs, |setup| Ok(row::fly(image, setup, starts)))
 }

@@ -72,9 +72,7 @@ pub fn fly(image: &Image, setup: &Setup, starts_rad: &[f64]) -> Result<Flown, St
             .map(run)
             .collect::<Result<_, _>>()
             .map_err(|error| error.to_string())?,
-        bursts: reports
-            .max_by(|a, b| a.max_us.total_cmp(&b.max_us))
-            .copied(),
+        bursts: reports.max_by(|a, b| a.max_us.total_cmp(&b.max_us)).copied(),
         timing: pooled(&records),
         lost: link.lost + link.crc_errors,
     })
@@ -100,11 +98,7 @@ pub fn row(
     let gap_us = flown.iter().map(|flown| flown.timing.jitter_us_max);
     let gap_us = gap_us.fold(0.0, f64::max);
     let (ended, words) = failed.map_or_else(|| judged(&figures, gap_us), |why| refused(why));
-    let name = if setting.is_empty() {
-        "default"
-    } else {
-        setting
-    };
+    let name = if setting.is_empty() { "default" } else { setting };
     // The latency is that of the worst servo, which one flight may not have.
     let may_fly = match expected {
         Ending::Skips | Ending::Unsettled => true,
@@ -112,9 +106,7 @@ pub fn row(
         _ => false,
     };
     let is_expected = ended == expected || may_fly && ended == Ending::Flies;
-    let as_expected = figure("as_expected", is_expected)
-        .shown("expected", "", 0)
-        .limit(Set);
+    let as_expected = figure("as_expected", is_expected).shown("expected", "", 0).limit(Set);
     let mut row = vec![figure("hardware", name).shown("hardware", "", 0)];
     // What is expected to miss its limit, or was not flown, is not held to it.
     let excused = |figure: &Figure| !figure.is_met() && (is_expected || failed.is_some());
@@ -146,38 +138,23 @@ fn measured(flown: &[&Flown]) -> Vec<Figure> {
         .map(|flown| flown.runs.iter().all(|run| run.stayed_active))
         .reduce(|all, one| all && one);
     vec![
-        figure("standby_s", worst(|flown| flown.standby_s))
-            .shown("standby", "s", 1)
-            .or(""),
+        figure("standby_s", worst(|flown| flown.standby_s)).shown("standby", "s", 1).or(""),
         figure("overshoot_pct", worst(overshoot))
             .shown("overshoot", "%", 1)
             .or("")
             .limit(requirements::OVERSHOOT_PCT),
-        settling(
-            "settling_s3003_s",
-            "settling S3003",
-            ServoKind::S3003,
-            flown,
-        ),
-        settling(
-            "settling_digital_s",
-            "settling digital",
-            ServoKind::Digital,
-            flown,
-        ),
+        settling("settling_s3003_s", "settling S3003", ServoKind::S3003, flown),
+        settling("settling_digital_s", "settling digital", ServoKind::Digital, flown),
         us("burst_us_mean", longest.map(|one| one.mean_us), "burst"),
         us("burst_us_max", longest.map(|one| one.max_us), "longest"),
         figure("latency_us", worst(|flown| flown.timing.latency_us.mean))
             .shown("latency", "us", 0)
             .or("")
             .limit(requirements::LATENCY_US),
-        figure(
-            "rate_hz",
-            slowest(|flown| (flown.timing.rate_hz * 1e3).round() / 1e3),
-        )
-        .shown("rate", "Hz", 0)
-        .or("")
-        .limit(requirements::RATE_HZ),
+        figure("rate_hz", slowest(|flown| (flown.timing.rate_hz * 1e3).round() / 1e3))
+            .shown("rate", "Hz", 0)
+            .or("")
+            .limit(requirements::RATE_HZ),
         figure("jitter_us_max", worst(|flown| flown.timing.jitter_us_max))
             .shown("jitter", "us", 1)
             .or("")
@@ -256,11 +233,7 @@ mod tests {
             bursts: None,
             timing: LoopTiming {
                 rate_hz: 150.0,
-                latency_us: Spread {
-                    mean: 6500.0,
-                    max: 6500.0,
-                    count: 150,
-                },
+                latency_us: Spread { mean: 6500.0, max: 6500.0, count: 150 },
                 ..LoopTiming::default()
             },
             lost: 0,
@@ -286,10 +259,7 @@ mod tests {
     fn late_is_what_misses_the_latency_and_nothing_else() {
         let mut late = flown(ServoKind::S3003);
         late.timing.latency_us.mean = 9300.0;
-        assert_eq!(
-            missed(Ending::Late, &[Ok(late.clone())]),
-            Vec::<String>::new()
-        );
+        assert_eq!(missed(Ending::Late, &[Ok(late.clone())]), Vec::<String>::new());
         let named = missed(Ending::Flies, &[Ok(late.clone())]);
         assert!(named[0].contains("latency: 9300 us"), "{named:?}");
         late.runs[0].overshoot_pct = 6.0;
@@ -325,10 +295,7 @@ mod tests {
     fn a_response_beyond_its_limits_can_be_expected_and_a_lost_flight_cannot() {
         let mut slow = flown(ServoKind::S3003);
         slow.runs[0].settling_5pct_s = Some(0.94);
-        assert_eq!(
-            missed(Ending::Unsettled, &[Ok(slow.clone())]),
-            Vec::<String>::new()
-        );
+        assert_eq!(missed(Ending::Unsettled, &[Ok(slow.clone())]), Vec::<String>::new());
         slow.runs[0].stayed_active = false;
         assert_eq!(missed(Ending::Unsettled, &[Ok(slow)]).len(), 3);
     }

@@ -66,26 +66,14 @@ pub const SETTINGS: &[(&str, Ending)] = &[
     ("bootloader=arduino", Flies),
     ("bootloader=uf2", Flies),
     ("user-row=bootprot", Flies),
-    (
-        "address=0x29,field=dead,stretch=20..350,stop-read=500,lost-within=500",
-        Unsettled,
-    ),
-    (
-        "address=0x29,field=dead,stretch=130..230,stop-read=500,lost-within=500",
-        Unsettled,
-    ),
+    ("address=0x29,field=dead,stretch=20..350,stop-read=500,lost-within=500", Unsettled),
+    ("address=0x29,field=dead,stretch=130..230,stop-read=500,lost-within=500", Unsettled),
     (
         "stretch=210..230,stop-read=300,stop-write=200,late-registers=5000,wake=10,clock=-3.1",
         Unsettled,
     ),
-    (
-        "host=linux,bootloader=uf2,slow-clock=1.25,user-row=bootprot",
-        Flies,
-    ),
-    (
-        "refresh=100/100/20,field-age=50,lever=30/10/-80,sensor-clock=3",
-        Flies,
-    ),
+    ("host=linux,bootloader=uf2,slow-clock=1.25,user-row=bootprot", Flies),
+    ("refresh=100/100/20,field-age=50,lever=30/10/-80,sensor-clock=3", Flies),
 ];
 
 /// Those that set one of `keys`; all if there are none.
@@ -94,9 +82,7 @@ pub fn with(keys: &[String]) -> Vec<(&'static str, Ending)> {
         let mut set = text.split(',').map(|setting| setting.split('=').next());
         set.any(|key| keys.iter().any(|wanted| key == Some(wanted)))
     };
-    let chosen = SETTINGS
-        .iter()
-        .filter(|(text, _)| keys.is_empty() || sets(text));
+    let chosen = SETTINGS.iter().filter(|(text, _)| keys.is_empty() || sets(text));
     chosen.copied().collect()
 }
 

@@ -101,9 +101,7 @@ pub fn run(options: &Profile) -> Result<Verdict> {
         window.cycles
     );
     if window.cycles == 0 {
-        bail!(BadInput::new(
-            "the image slept all the time; try --after or a longer --seconds"
-        ));
+        bail!(BadInput::new("the image slept all the time; try --after or a longer --seconds"));
     }
     let root = Node::new(&window.profile, &mut symbols);
     let (parts, unit) = match options.after {
@@ -111,18 +109,11 @@ pub fn run(options: &Profile) -> Result<Verdict> {
         Some(_) => (window.seconds, "second"),
     };
     let figures = |top| figures(options, &window, &root, parts, unit, top);
-    let title = format!(
-        "Profile: {} cycles awake in {:.2} s",
-        window.cycles, window.seconds
-    );
+    let title = format!("Profile: {} cycles awake in {:.2} s", window.cycles, window.seconds);
     let all = figures(usize::MAX);
     let page = options.report.as_deref();
     let page = page.map(|path| (path, report::render(&title, &all, &root, parts, unit)));
-    let shown = if options.json {
-        all
-    } else {
-        figures(options.top)
-    };
+    let shown = if options.json { all } else { figures(options.top) };
     shown.conclude(options.json, page)
 }
 
@@ -142,19 +133,14 @@ fn measure(options: &Profile, image: &Image) -> Result<Window> {
     let fly = || -> Result<Window> {
         let ready = prepare(image, &setup, &mut |progress| live.flight(progress))?;
         let rate = START_RATE_RAD_S.copysign(options.start);
-        Ok(
-            ready.profile(options.start, rate, options.seconds, &mut |progress| {
-                live.flight(progress);
-            })?,
-        )
+        Ok(ready.profile(options.start, rate, options.seconds, &mut |progress| {
+            live.flight(progress);
+        })?)
     };
     let window = fly().context("the image does not fly; --after profiles one that is no autopilot");
     let window = window?;
     live.end();
-    ensure!(
-        window.steps > 0,
-        "the image took no control step in the window"
-    );
+    ensure!(window.steps > 0, "the image took no control step in the window");
     Ok(window)
 }
 
@@ -176,31 +162,20 @@ fn figures(
         figure("share_pct", 100.0 * count as f64 / window.cycles as f64).shown("share", "%", 2)
     };
     let contexts = root.sorted().into_iter().map(|(name, node)| {
-        [
-            figure("context", name).shown("where", "", 0),
-            cycles(node.cycles),
-            share(node.cycles),
-        ]
+        [figure("context", name).shown("where", "", 0), cycles(node.cycles), share(node.cycles)]
     });
     let functions = root.functions().into_iter().take(top).map(|(name, count)| {
-        [
-            figure("function", name).shown("function", "", 0),
-            cycles(count),
-            share(count),
-        ]
+        [figure("function", name).shown("function", "", 0), cycles(count), share(count)]
     });
     let inlined =
-        root.inlined()
-            .into_iter()
-            .take(top)
-            .map(|((name, into), count)| -> Vec<Figure> {
-                vec![
-                    figure("function", name).shown("inlined function", "", 0),
-                    figure("inlined_into", into).shown("in", "", 0),
-                    cycles(count),
-                    share(count),
-                ]
-            });
+        root.inlined().into_iter().take(top).map(|((name, into), count)| -> Vec<Figure> {
+            vec![
+                figure("function", name).shown("inlined function", "", 0),
+                figure("inlined_into", into).shown("in", "", 0),
+                cycles(count),
+                share(count),
+            ]
+        });
     Figures::from([
         figure("seed", options.seed),
         figure("window_s", window.seconds).shown("window", "s", 3),

@@ -19,13 +19,7 @@ const FILLS: [&str; 5] = ["#d9d9d9", "#a9c9ec", "#f6c79b", "#a9d8bf", "#d9b8dc"]
 /// The whole page; `unit` is what `parts` of the window are.
 pub fn render(title: &str, figures: &Figures, root: &Node, parts: f64, unit: &str) -> String {
     let mut boxes = Vec::new();
-    lay_out(
-        &mut boxes,
-        root,
-        "all cycles awake",
-        (0.0, 0),
-        WIDTH / root.cycles.max(1) as f64,
-    );
+    lay_out(&mut boxes, root, "all cycles awake", (0.0, 0), WIDTH / root.cycles.max(1) as f64);
     let depth = boxes.iter().map(|b| b.depth).max().unwrap_or(0);
     let height = ROW * f64::from(depth + 1);
     let body = html! {
@@ -74,13 +68,7 @@ fn lay_out<'a>(
         return;
     }
     let cycles = node.cycles;
-    boxes.push(Placed {
-        name,
-        cycles,
-        x,
-        width,
-        depth,
-    });
+    boxes.push(Placed { name, cycles, x, width, depth });
     for (name, node) in node.sorted() {
         lay_out(boxes, node, name, (x, depth + 1), scale);
         x += node.cycles as f64 * scale;

@@ -51,12 +51,7 @@ impl<'a> Symbols<'a> {
 
     /// The function at an address, then what was inlined there, outermost first; never empty.
     pub fn path(&mut self, address: u32) -> &[String] {
-        let Self {
-            functions,
-            inlined,
-            known,
-            ..
-        } = self;
+        let Self { functions, inlined, known, .. } = self;
         known.entry(address).or_insert_with(|| {
             let mut path = vec![symbol(functions, address)];
             let mut names = frames(inlined, address);
@@ -80,9 +75,7 @@ fn frames(context: &Context<Bytes<'_>>, address: u32) -> Vec<String> {
         return names;
     };
     while let Ok(Some(frame)) = frames.next() {
-        let name = frame
-            .function
-            .and_then(|function| Some(function.demangle().ok()?.into_owned()));
+        let name = frame.function.and_then(|function| Some(function.demangle().ok()?.into_owned()));
         names.push(name.unwrap_or_else(|| UNKNOWN.to_owned()));
     }
     names

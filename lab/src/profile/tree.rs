@@ -32,10 +32,7 @@ impl Node {
     pub fn add(&mut self, cycles: u64, path: &[String]) {
         self.cycles += cycles;
         if let [first, rest @ ..] = path {
-            self.below
-                .entry(first.clone())
-                .or_default()
-                .add(cycles, rest);
+            self.below.entry(first.clone()).or_default().add(cycles, rest);
         }
     }
 
@@ -46,11 +43,7 @@ impl Node {
 
     /// What is below, most cycles first.
     pub fn sorted(&self) -> Vec<(&str, &Self)> {
-        let mut all: Vec<_> = self
-            .below
-            .iter()
-            .map(|(name, node)| (name.as_str(), node))
-            .collect();
+        let mut all: Vec<_> = self.below.iter().map(|(name, node)| (name.as_str(), node)).collect();
         all.sort_by(|a, b| b.1.cycles.cmp(&a.1.cycles).then(a.0.cmp(b.0)));
         all
     }
@@ -121,36 +114,19 @@ mod tests {
     #[test]
     fn every_cycle_is_in_one_function() {
         let mut root = Node::default();
-        let path = |names: &[&str]| {
-            names
-                .iter()
-                .map(|&name| name.to_owned())
-                .collect::<Vec<_>>()
-        };
+        let path = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
         root.add(5, &path(&["thread", "main"]));
         root.add(3, &path(&["thread", "main", "step", "filter"]));
         root.add(2, &path(&["interrupt USB", "poll"]));
         assert_eq!(root.cycles, 10);
-        assert_eq!(
-            root.functions(),
-            [("main".to_owned(), 8), ("poll".to_owned(), 2)]
-        );
-        assert_eq!(
-            root.inlined(),
-            [(("filter".to_owned(), "main".to_owned()), 3)]
-        );
+        assert_eq!(root.functions(), [("main".to_owned(), 8), ("poll".to_owned(), 2)]);
+        assert_eq!(root.inlined(), [(("filter".to_owned(), "main".to_owned()), 3)]);
     }
 
     #[test]
     fn lines_have_the_names_of_the_data_sheet() {
         let names = [0, 15, 23, 43, 50].map(context);
-        let expected = [
-            "thread",
-            "SysTick",
-            "interrupt USB",
-            "interrupt I2S",
-            "exception 50",
-        ];
+        let expected = ["thread", "SysTick", "interrupt USB", "interrupt I2S", "exception 50"];
         assert_eq!(names, expected);
     }
 }

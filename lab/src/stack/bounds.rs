@@ -51,10 +51,7 @@ mod tests {
     #[test]
     fn a_given_bound_replaces_the_known_one() {
         let given = bound("core::fmt::write=2").unwrap();
-        assert_eq!(
-            (given.function.as_str(), given.times),
-            ("core::fmt::write", 2)
-        );
+        assert_eq!((given.function.as_str(), given.times), ("core::fmt::write", 2));
         let all = bounds(&[given]);
         let of_write = all.iter().filter(|one| one.function == "core::fmt::write");
         assert_eq!(of_write.map(|one| one.times).collect::<Vec<_>>(), [2]);

@@ -162,10 +162,7 @@ impl Calls {
             if deepest.path.is_empty() {
                 deepest.bytes = bytes;
             }
-            deepest.path.push(Step {
-                function,
-                bytes: own,
-            });
+            deepest.path.push(Step { function, bytes: own });
             budget = self.entered(function, &budget).unwrap_or_default();
             at = next;
         }
@@ -176,11 +173,7 @@ impl Calls {
     fn entered(&self, function: u32, budget: &Budget) -> Option<Budget> {
         let mut left = budget.clone();
         let bounded = self.bounded.iter().map(|(bounded, _)| bounded);
-        for (left, _) in left
-            .iter_mut()
-            .zip(bounded)
-            .filter(|(_, b)| **b == function)
-        {
+        for (left, _) in left.iter_mut().zip(bounded).filter(|(_, b)| **b == function) {
             *left = left.checked_sub(1)?;
         }
         Some(left)

@@ -77,11 +77,8 @@ fn level_rows(analysis: &Analysis) -> Vec<[Figure; 4]> {
         row(MAIN.into(), name(&main.path), 0, main.bytes)
     });
     let levels = analysis.levels.iter().map(|level| {
-        let handler = format!(
-            "{} ({})",
-            name(&level.deepest.path),
-            exception_name(level.exception)
-        );
+        let handler =
+            format!("{} ({})", name(&level.deepest.path), exception_name(level.exception));
         row(level_name(level), handler, FRAME_BYTES, level.deepest.bytes)
     });
     main.into_iter().chain(levels).collect()
@@ -119,14 +116,10 @@ fn largest(analysis: &Analysis, top: usize) -> Vec<[Figure; 4]> {
             figure("function", analysis.program.name(function)).shown("largest functions", "", 0),
             figure("at", format!("0x{function:x}")),
             figure("own_bytes", own).shown("its own", "bytes", 0),
-            figure("bytes", deepest)
-                .shown("with its calls", "bytes", 0)
-                .or("no bound"),
+            figure("bytes", deepest).shown("with its calls", "bytes", 0).or("no bound"),
         ]
     };
-    functions
-        .map(|(function, frame)| row((*function, frame.own)))
-        .collect()
+    functions.map(|(function, frame)| row((*function, frame.own))).collect()
 }
 
 /// Every call by a pointer, with what it may reach.
@@ -194,11 +187,7 @@ fn needed(analysis: &Analysis) -> impl Iterator<Item = &Bounded> {
 /// What each bound of recursion says, in a sentence.
 pub fn bounds_in_words(analysis: &Analysis) -> Vec<String> {
     let words = |bound: &Bounded| {
-        let Bounded {
-            function,
-            times,
-            why,
-        } = bound;
+        let Bounded { function, times, why } = bound;
         let times = match times {
             1 => "once".into(),
             _ => format!("{times} times"),

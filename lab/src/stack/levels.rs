@@ -34,11 +34,8 @@ pub fn levels(
 ) -> Vec<Level> {
     let mut levels: BTreeMap<i8, Level> = BTreeMap::new();
     for (&exception, &handler) in handlers.range(2..EXCEPTIONS) {
-        let level = Level {
-            priority: priorities[exception],
-            exception,
-            deepest: calls.deepest(handler),
-        };
+        let level =
+            Level { priority: priorities[exception], exception, deepest: calls.deepest(handler) };
         let known = levels.get(&level.priority);
         if known.is_none_or(|known| known.deepest.bytes < level.deepest.bytes) {
             levels.insert(level.priority, level);

@@ -167,11 +167,7 @@ pub fn run(options: &Stack) -> Result<Verdict> {
     let all = figures(usize::MAX);
     let page = options.report.as_deref();
     let page = page.map(|path| (path, report::render(&title, &all, &analysis, &seen, room)));
-    let shown = if options.json {
-        all
-    } else {
-        figures(options.top)
-    };
+    let shown = if options.json { all } else { figures(options.top) };
     shown.conclude(options.json, page)
 }
 

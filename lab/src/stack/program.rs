@@ -41,9 +41,7 @@ impl Program {
         let file = object::File::parse(elf).map_err(BadInput::new)?;
         let functions = Functions::read(&file);
         if functions.is_empty() {
-            bail!(BadInput::new(
-                "the image names no functions: its symbols were stripped"
-            ));
+            bail!(BadInput::new("the image names no functions: its symbols were stripped"));
         }
         // Mapping symbols: ELF for the Arm Architecture, 5.5.5.
         let mapping = file.symbols().filter_map(|symbol| {
@@ -64,12 +62,7 @@ impl Program {
         functions: Functions,
         mapping: BTreeMap<u32, bool>,
     ) -> Self {
-        Self {
-            address,
-            bytes,
-            functions,
-            mapping,
-        }
+        Self { address, bytes, functions, mapping }
     }
 
     /// Whether an address is one of the image's flash.
@@ -166,11 +159,7 @@ impl Program {
         for &table in begins.iter().filter(|at| at.is_multiple_of(4)) {
             for (offset, function) in self.vtable(table, &begins) {
                 in_vtable.insert(table + offset);
-                pointers
-                    .by_offset
-                    .entry(offset)
-                    .or_default()
-                    .insert(function);
+                pointers.by_offset.entry(offset).or_default().insert(function);
             }
         }
         let elsewhere = words.filter(|at| !in_vtable.contains(at));

@@ -64,10 +64,7 @@ fn picture(analysis: &Analysis, seen: &Seen, room: u32) -> Markup {
     let mut boxes = steps("main".into(), &analysis.main);
     for level in &analysis.levels {
         let level_name = level_name(level);
-        boxes.push((
-            format!("{level_name}: stacked by the exception"),
-            FRAME_BYTES,
-        ));
+        boxes.push((format!("{level_name}: stacked by the exception"), FRAME_BYTES));
         boxes.extend(steps(level_name, &level.deepest));
     }
     let mut x = 0.0;
@@ -81,16 +78,8 @@ fn picture(analysis: &Analysis, seen: &Seen, room: u32) -> Markup {
         .collect();
     let limit = figure("", 0.0).limit(requirements::STACK_PCT).range().1;
     let marks = [
-        (
-            f64::from(seen.bytes),
-            format!("seen: {} bytes", seen.bytes),
-            58.0,
-        ),
-        (
-            f64::from(room) * limit / 100.0,
-            format!("limit: {limit} %"),
-            76.0,
-        ),
+        (f64::from(seen.bytes), format!("seen: {} bytes", seen.bytes), 58.0),
+        (f64::from(room) * limit / 100.0, format!("limit: {limit} %"), 76.0),
     ];
     let at = |value: f64| format!("{value:.2}");
     html! {

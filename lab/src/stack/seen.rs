@@ -28,10 +28,7 @@ pub fn on_the_rig(options: &Stack, image: &Image) -> Result<Seen> {
         let live = Live::begin(format!("running the image for {after} s"));
         advance(&mut rig, after, &mut |now| live.played(now, after))?;
         live.end();
-        return Ok(Seen {
-            bytes: rig.stack_high_water(),
-            priorities: rig.chip().priorities(),
-        });
+        return Ok(Seen { bytes: rig.stack_high_water(), priorities: rig.chip().priorities() });
     }
     let live = Live::begin(format!("boot and flight from {} rad", options.start));
     let ready = prepare(image, &setup, &mut |progress| live.flight(progress))?;
@@ -45,8 +42,5 @@ pub fn on_the_rig(options: &Stack, image: &Image) -> Result<Seen> {
         record.priorities == priorities,
         "the image changes the priorities of interrupts while it flies, and which nest is not known"
     );
-    Ok(Seen {
-        bytes: record.stack_high_water,
-        priorities,
-    })
+    Ok(Seen { bytes: record.stack_high_water, priorities })
 }

@@ -23,9 +23,7 @@ const POP_PC: u16 = 0xBD00;
 
 /// An image of functions and data at their addresses; data has no name.
 fn program(parts: &[(u32, &str, &[u16])]) -> Program {
-    let ends = parts
-        .iter()
-        .map(|(at, _, halves)| at + 2 * halves.len() as u32);
+    let ends = parts.iter().map(|(at, _, halves)| at + 2 * halves.len() as u32);
     let mut bytes = vec![0; (ends.max().unwrap_or(CODE) - IMAGE) as usize];
     for (at, _, halves) in parts {
         let start = (at - IMAGE) as usize;
@@ -74,11 +72,7 @@ fn deepest(program: &Program) -> Deepest {
 /// Why there is no bound.
 fn problems(program: &Program) -> String {
     let found = found(program);
-    let words: Vec<_> = found
-        .problems
-        .into_iter()
-        .map(|problem| problem.what)
-        .collect();
+    let words: Vec<_> = found.problems.into_iter().map(|problem| problem.what).collect();
     words.join("; ")
 }
 
@@ -110,11 +104,7 @@ fn a_call_counts_from_where_it_is_made() {
         0xB010,    // add sp, #64
         POP_PC,
     ];
-    let program = program(&[
-        (CODE, "f", &f),
-        (g, "g", &taking(100)),
-        (h, "h", &taking(40)),
-    ]);
+    let program = program(&[(CODE, "f", &f), (g, "g", &taking(100)), (h, "h", &taking(40))]);
     let deepest = deepest(&program);
     assert_eq!(deepest.bytes, 68 + 40);
     let names = deepest.path.iter().map(|step| program.name(step.function));
@@ -138,11 +128,7 @@ fn a_tail_call_takes_the_place_of_its_caller() {
     // Without giving its own back, it would leave it behind.
     let f = [0xB086, 0x46C0, 0xE004];
     let wrong = program(&[(CODE, "f", &f), (g, "g", &taking(16))]);
-    assert!(
-        problems(&wrong).contains("its stack in use"),
-        "{}",
-        problems(&wrong)
-    );
+    assert!(problems(&wrong).contains("its stack in use"), "{}", problems(&wrong));
 }
 
 /// As the compiler makes a frame of more than 508 bytes, and gives it back by the frame pointer.
@@ -252,11 +238,7 @@ fn recursion_has_no_bound_but_one_that_is_given() {
     let unbounded = calls(&program, &[]).recursions(&program);
     assert_eq!(unbounded.len(), 1);
     assert_eq!(unbounded[0].what, "recursion without a bound: f calls f");
-    let three = Bounded {
-        function: "f".into(),
-        times: 3,
-        why: String::new(),
-    };
+    let three = Bounded { function: "f".into(), times: 3, why: String::new() };
     let calls = calls(&program, &[three]);
     assert_eq!(calls.recursions(&program), []);
     assert_eq!(calls.deepest(CODE).bytes, 3 * 8);
@@ -330,21 +312,15 @@ fn a_stack_pointer_that_is_not_known_has_no_bound() {
         (&[0x46C0], "is no code"), // the image ends
     ] {
         let program = program(&[(CODE, "f", code)]);
-        assert!(
-            problems(&program).contains(why),
-            "{why}: {}",
-            problems(&program)
-        );
+        assert!(problems(&program).contains(why), "{why}: {}", problems(&program));
     }
 }
 
 #[test]
 fn one_handler_of_each_priority_is_on_the_stack() {
     let sizes = [(1, 8), (3, 20), (15, 24), (16, 60), (17, 40), (18, 16)];
-    let functions: Vec<_> = sizes
-        .iter()
-        .map(|(number, bytes)| (CODE + 0x10 * (number - 1), taking(*bytes)))
-        .collect();
+    let functions: Vec<_> =
+        sizes.iter().map(|(number, bytes)| (CODE + 0x10 * (number - 1), taking(*bytes))).collect();
     let vectors: Vec<_> = sizes
         .iter()
         .zip(&functions)
@@ -368,10 +344,8 @@ fn one_handler_of_each_priority_is_on_the_stack() {
     }
     priorities[18] = 3;
     let levels = levels(&handlers, &priorities, &calls);
-    let seen: Vec<_> = levels
-        .iter()
-        .map(|level| (level.priority, level.exception, level.deepest.bytes))
-        .collect();
+    let seen: Vec<_> =
+        levels.iter().map(|level| (level.priority, level.exception, level.deepest.bytes)).collect();
     assert_eq!(seen, [(3, 18, 16), (1, 16, 60), (-1, 3, 20)]);
     // With the reset's own way and what three exceptions stack: 8 + 16 + 60 + 20 + 3 * 36.
     let analysis = super::Analysis::of(program, &priorities, &[]).unwrap();

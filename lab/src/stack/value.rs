@@ -97,10 +97,7 @@ impl Value {
     fn shifted(self, by: u32) -> Self {
         match self {
             Number(n) => Number(n << by),
-            Entry(table) => Entry(Table {
-                shift: table.shift + by,
-                ..table
-            }),
+            Entry(table) => Entry(Table { shift: table.shift + by, ..table }),
             _ => Unknown,
         }
     }
@@ -122,11 +119,7 @@ impl State {
     pub fn at_entry() -> Self {
         let mut registers: [Value; 15] = std::array::from_fn(|register| AtEntry(register as u8));
         registers[SP] = Stack(0);
-        Self {
-            registers,
-            stack: BTreeMap::new(),
-            shared: None,
-        }
+        Self { registers, stack: BTreeMap::new(), shared: None }
     }
 
     /// What is known of a register, in the numbers of an [`Instruction`].
@@ -196,8 +189,7 @@ impl State {
     /// Something wrote to where its pointer led: not to what the entry has saved.
     fn others_wrote(&mut self) {
         if let Some(lowest) = self.shared {
-            self.stack
-                .retain(|at, value| *at < lowest || matches!(value, AtEntry(_)));
+            self.stack.retain(|at, value| *at < lowest || matches!(value, AtEntry(_)));
         }
     }
 
@@ -239,11 +231,7 @@ impl State {
         };
         match at {
             Number(at) if program.contains(at) => number(at).map_or(Unknown, Number),
-            Near(address) => Entry(Table {
-                address,
-                width,
-                shift: 0,
-            }),
+            Near(address) => Entry(Table { address, width, shift: 0 }),
             _ if width < 4 => Unknown,
             Stack(at) => self.stack.get(&at).map_or(Unknown, |value| *value),
             Within(offset) => Loaded(Origin::Offset(offset)),

@@ -73,11 +73,7 @@ enum Waiting {
     /// The function that called it.
     Path(Box<Path>),
     /// The function that ended with it, by the jump at an address.
-    Caller {
-        function: u32,
-        at: u32,
-        would_return: bool,
-    },
+    Caller { function: u32, at: u32, would_return: bool },
 }
 
 /// A path that is to be followed.
@@ -129,16 +125,12 @@ pub fn explore(
         new.into_iter().for_each(|function| walk.follow(function));
         known = origins;
     }
-    let empty = walk.tables.empty().map(|at| Problem {
-        at,
-        what: "jumps by a table of which no entry is one".into(),
-    });
+    let empty = walk
+        .tables
+        .empty()
+        .map(|at| Problem { at, what: "jumps by a table of which no entry is one".into() });
     walk.problems.extend(empty);
-    Found {
-        problems: walk.problems,
-        code: walk.tables.into_code(),
-        frames: walk.frames,
-    }
+    Found { problems: walk.problems, code: walk.tables.into_code(), frames: walk.frames }
 }
 
 /// The functions that have been reached, and what is known at the beginning of their paths.
@@ -217,21 +209,13 @@ impl<'a> Walk<'a> {
         if known != Some(&joined) {
             self.states.insert((function, at), joined.clone());
             let state = joined;
-            self.queue.push(Path {
-                function,
-                at,
-                state,
-            });
+            self.queue.push(Path { function, at, state });
         }
     }
 
     /// Follows a path until it branches or meets another one.
     fn run(&mut self, path: Path) {
-        let Path {
-            function,
-            mut at,
-            mut state,
-        } = path;
+        let Path { function, mut at, mut state } = path;
         loop {
             let Some(op) = self.program.half(at).filter(|_| !self.program.is_data(at)) else {
                 return self.problem(at, "is reached and is no code");
@@ -300,10 +284,7 @@ impl<'a> Walk<'a> {
             },
             Bx => self.leave(place, state.register(instruction.b), state),
             PopPc => {
-                let pop = Instruction {
-                    operation: Operation::Pop,
-                    ..*instruction
-                };
+                let pop = Instruction { operation: Operation::Pop, ..*instruction };
                 state.step(&pop, self.program);
                 let target = state.pop();
                 match target {
@@ -360,11 +341,8 @@ impl<'a> Walk<'a> {
     fn tail_call(&mut self, place: (u32, u32), target: u32, state: &State) {
         self.note_call(place, Target::Function(target), state);
         self.reach(target);
-        let waiting = Waiting::Caller {
-            function: place.0,
-            at: place.1,
-            would_return: state.would_return(),
-        };
+        let waiting =
+            Waiting::Caller { function: place.0, at: place.1, would_return: state.would_return() };
         self.wait(target, waiting);
     }
 
@@ -374,11 +352,7 @@ impl<'a> Walk<'a> {
         self.reach(target);
         let mut after = state.clone();
         after.called();
-        let waiting = Waiting::Path(Box::new(Path {
-            function: place.0,
-            at: behind,
-            state: after,
-        }));
+        let waiting = Waiting::Path(Box::new(Path { function: place.0, at: behind, state: after }));
         self.wait(target, waiting);
         Next::Over
     }
@@ -439,11 +413,7 @@ impl<'a> Walk<'a> {
     fn resume(&mut self, waiting: Waiting) {
         match waiting {
             Waiting::Path(path) => self.go(path.function, path.at, &path.state),
-            Waiting::Caller {
-                function,
-                would_return: true,
-                ..
-            } => self.returns(function),
+            Waiting::Caller { function, would_return: true, .. } => self.returns(function),
             Waiting::Caller { at, .. } => {
                 self.problem(at, "ends with another function, its stack in use");
             }

@@ -65,10 +65,7 @@ impl Cost {
         assert!(self.cycles_mean <= self.cycles_max as f64, "{name}");
         assert!(self.cycles_mean < self.cycles_mean_1ws, "{name}");
         assert!(self.cycles_mean_1ws < 1.5 * self.cycles_mean, "{name}");
-        assert!(
-            self.code_bytes > 0 && self.ram_bytes > 0 && self.stack_bytes > 0,
-            "{name}"
-        );
+        assert!(self.code_bytes > 0 && self.ram_bytes > 0 && self.stack_bytes > 0, "{name}");
         // Float is calls on this core, and calls have names.
         let is_float = self.support_routines.contains("__aeabi_fmul");
         assert_eq!(is_float, scalar != "fixed", "{name}");
@@ -104,24 +101,12 @@ fn updates_keep_their_limits_on_the_chip() {
         assert!(bytes <= most_bytes, "{filter}: {bytes} bytes");
     }
     let angles = report.of("roll-pitch-yaw", "9d", "fixed");
-    assert!(
-        angles.cost.cycles_max <= 1_500,
-        "{}",
-        angles.cost.cycles_max
-    );
-    let (own, peer) = (
-        report.of("mahony", "9d", "f32"),
-        report.of("imu-fusion", "9d", "f32"),
-    );
-    assert_eq!(
-        (&*own.library, &*peer.library),
-        ("tvc-fusion", "imu-fusion")
-    );
+    assert!(angles.cost.cycles_max <= 1_500, "{}", angles.cost.cycles_max);
+    let (own, peer) = (report.of("mahony", "9d", "f32"), report.of("imu-fusion", "9d", "f32"));
+    assert_eq!((&*own.library, &*peer.library), ("tvc-fusion", "imu-fusion"));
     let (own, peer) = (own.cost.cycles_mean, peer.cost.cycles_mean);
     assert!(own <= peer, "{own} against {peer}");
-    let [surface] = &report.laws[..] else {
-        panic!("{} laws", report.laws.len())
-    };
+    let [surface] = &report.laws[..] else { panic!("{} laws", report.laws.len()) };
     assert_eq!((&*surface.law, &*surface.scalar), ("surface", "fixed"));
     surface.cost.assert_measured("surface", "fixed");
     let cycles = surface.cost.cycles_mean;
@@ -131,19 +116,10 @@ fn updates_keep_their_limits_on_the_chip() {
 #[test]
 fn a_filter_or_law_that_is_not_there_is_refused_with_those_that_are() {
     let cases = [
-        (
-            &["--filter", "ekf"][..],
-            "no filter ekf; there are ahrs-madgwick",
-        ),
+        (&["--filter", "ekf"][..], "no filter ekf; there are ahrs-madgwick"),
         (&["--library", "xio"], "no library xio; there are ahrs"),
-        (
-            &["--library", "ahrs", "--filter", "gyro"],
-            "ahrs has no filter gyro",
-        ),
-        (
-            &["--law", "backstepping"],
-            "no law backstepping; there are all, fixed-pd",
-        ),
+        (&["--library", "ahrs", "--filter", "gyro"], "ahrs has no filter gyro"),
+        (&["--law", "backstepping"], "no law backstepping; there are all, fixed-pd"),
     ];
     for (arguments, part) in cases {
         assert_refused(&[&["cycles"], arguments].concat(), part);

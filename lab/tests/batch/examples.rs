@@ -119,37 +119,23 @@ fn of_tool<'a>(words: &[&'a str]) -> Option<(Command, Vec<&'a str>)> {
 fn unparsed(tool: Command, given: &[&str]) -> Option<String> {
     let name = tool.get_name().to_owned();
     let words = [&[name.as_str()], given].concat();
-    let error = tool
-        .try_get_matches_from(words)
-        .err()
-        .filter(|error| error.use_stderr())?;
-    Some(
-        error
-            .to_string()
-            .lines()
-            .next()
-            .unwrap_or_default()
-            .to_owned(),
-    )
+    let error = tool.try_get_matches_from(words).err().filter(|error| error.use_stderr())?;
+    Some(error.to_string().lines().next().unwrap_or_default().to_owned())
 }
 
 /// Why a command of another program cannot be meant.
 fn impossible(command: &[String]) -> Option<String> {
     let program = &command[0];
     if program == "cargo" {
-        let found = command
-            .iter()
-            .skip(1)
-            .find(|word| !word.starts_with(['-', '+']));
+        let found = command.iter().skip(1).find(|word| !word.starts_with(['-', '+']));
         let found = found.map_or("", String::as_str);
         return (!OF_CARGO.contains(&found)).then(|| format!("cargo has no `{found}` here"));
     }
     // What is run out of the tree is there.
     let script = match program.as_str() {
-        "python" | "python3" | "node" => command
-            .iter()
-            .skip(1)
-            .find(|word| word.ends_with(".py") || word.ends_with(".mjs"))?,
+        "python" | "python3" | "node" => {
+            command.iter().skip(1).find(|word| word.ends_with(".py") || word.ends_with(".mjs"))?
+        }
         _ => program,
     };
     let is_missing = is_in_tree(script) && !root().join(script).is_file();
@@ -216,12 +202,10 @@ fn files_that_the_documents_show_can_be_read() {
     for (path, text) in documents() {
         for (language, block) in blocks(&text) {
             let read = match language {
-                "toml" => toml::from_str::<toml::Table>(block)
-                    .err()
-                    .map(|e| e.to_string()),
-                "json" => serde_json::from_str::<serde_json::Value>(block)
-                    .err()
-                    .map(|e| e.to_string()),
+                "toml" => toml::from_str::<toml::Table>(block).err().map(|e| e.to_string()),
+                "json" => {
+                    serde_json::from_str::<serde_json::Value>(block).err().map(|e| e.to_string())
+                }
                 _ => continue,
             };
             seen += 1;
@@ -264,9 +248,7 @@ fn every_option_that_is_named_in_a_sentence_is_there() {
             }
             for word in words.iter().filter(|word| word.starts_with("--")) {
                 let name = word[2..].split('=').next().unwrap_or_default();
-                let mut options = command
-                    .get_arguments()
-                    .filter_map(|option| option.get_long());
+                let mut options = command.get_arguments().filter_map(|option| option.get_long());
                 let known = ["help", "version", "json"].contains(&name);
                 seen += 1;
                 if !known && !options.any(|option| option == name) {
@@ -302,11 +284,7 @@ fn every_example_of_the_help_can_be_given() {
             let line = line.trim();
             let command = line.split("  ").next().unwrap_or_default();
             seen += 1;
-            bad.extend(
-                wrong(command)
-                    .into_iter()
-                    .map(|why| format!("{name}: {why}")),
-            );
+            bad.extend(wrong(command).into_iter().map(|why| format!("{name}: {why}")));
         }
     }
     assert!(bad.is_empty(), "{}", bad.join("\n"));
@@ -316,17 +294,10 @@ fn every_example_of_the_help_can_be_given() {
 #[test]
 fn a_line_is_taken_apart_as_a_shell_does() {
     let line = "A=1 cargo tvc param list | jq '.a b' > x.json && tvc man ~/x   # then look";
-    let expected = [
-        vec!["cargo", "tvc", "param", "list"],
-        vec!["jq", ".a b"],
-        vec!["tvc", "man", "~/x"],
-    ];
+    let expected =
+        [vec!["cargo", "tvc", "param", "list"], vec!["jq", ".a b"], vec!["tvc", "man", "~/x"]];
     assert_eq!(commands(line), expected);
-    assert!(
-        wrong("cargo fly a chip")
-            .pop()
-            .is_some_and(|why| why.contains("unexpected"))
-    );
+    assert!(wrong("cargo fly a chip").pop().is_some_and(|why| why.contains("unexpected")));
     assert!(wrong("cargo tvc fly --no-such").pop().is_some());
     assert!(wrong("python3 tools/none.py").pop().is_some());
     assert!(wrong("cargo tvv list").pop().is_some());

@@ -9,12 +9,9 @@ use crate::running::{assert_refused, tvc};
 fn run(arguments: &[&str]) -> (serde_json::Value, Option<i32>, String) {
     let folder = tempfile::tempdir().unwrap();
     let report = folder.path().join("report.html");
-    let output = tvc(&[
-        &["experiment"],
-        arguments,
-        &["--json", "--report", report.to_str().unwrap()],
-    ]
-    .concat());
+    let output =
+        tvc(&[&["experiment"], arguments, &["--json", "--report", report.to_str().unwrap()]]
+            .concat());
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     let object =
         serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
@@ -23,9 +20,7 @@ fn run(arguments: &[&str]) -> (serde_json::Value, Option<i32>, String) {
 }
 
 fn number(row: &serde_json::Value, axis: &str, figure: &str) -> f64 {
-    row[axis][figure]
-        .as_f64()
-        .unwrap_or_else(|| panic!("{axis}.{figure} in {row}"))
+    row[axis][figure].as_f64().unwrap_or_else(|| panic!("{axis}.{figure} in {row}"))
 }
 
 fn combined(object: &serde_json::Value, name: &str) -> f64 {
@@ -38,11 +33,7 @@ fn combined(object: &serde_json::Value, name: &str) -> f64 {
 fn at_rest_ours_stay_and_an_uncorrected_offset_drifts_as_in_the_thesis() {
     let (object, status, report) = run(&["static"]);
     assert_keys("experiment-static", &object);
-    assert_eq!(
-        (status, &object["met"]),
-        (Some(0), &true.into()),
-        "{object}"
-    );
+    assert_eq!((status, &object["met"]), (Some(0), &true.into()), "{object}");
     for row in object["estimators"].as_array().unwrap() {
         let sum: f64 = ["roll", "pitch", "yaw"]
             .iter()
@@ -69,11 +60,7 @@ fn at_rest_ours_stay_and_an_uncorrected_offset_drifts_as_in_the_thesis() {
 #[test]
 fn in_motion_ours_stay_within_the_goal_and_a_late_reference_makes_the_figures_of_the_thesis() {
     let (object, status, _) = run(&["motion", "--gyro-bias", "typical", "--seed", "2"]);
-    assert_eq!(
-        (status, &object["met"]),
-        (Some(0), &true.into()),
-        "{object}"
-    );
+    assert_eq!((status, &object["met"]), (Some(0), &true.into()), "{object}");
     let (late, status, _) = run(&["motion", "--reference-lag", "150"]);
     assert_eq!((status, &late["met"]), (Some(1), &false.into()));
     let rmse = combined(&late, "Mahony");

@@ -25,10 +25,7 @@ fn faults_as_json_are_one_object_that_adds_up() {
     let object: serde_json::Value =
         serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
     let faults = object["faults"].as_array().unwrap();
-    let kinds: Vec<_> = faults
-        .iter()
-        .map(|row| row["kind"].as_str().unwrap())
-        .collect();
+    let kinds: Vec<_> = faults.iter().map(|row| row["kind"].as_str().unwrap()).collect();
     assert_eq!(kinds, ["unplugged", "spikes"]);
     for row in faults {
         let count = |key: &str| row[key].as_u64().unwrap();
@@ -49,9 +46,7 @@ fn a_campaign_and_rerun_give_the_same_rows_by_any_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let here = |arguments: &str| {
         let mut command = command(&["faults"]);
-        command
-            .args(arguments.split(' '))
-            .current_dir(folder.path());
+        command.args(arguments.split(' ')).current_dir(folder.path());
         let output = command.output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(0), "{arguments}: {said}");
@@ -74,13 +69,7 @@ fn a_campaign_and_rerun_give_the_same_rows_by_any_number_of_threads() {
             let names = ["campaign", "vehicle", "servo", "phase", "kind"];
             let names = names.map(|name| format!("{name} = \"{}\"\n", value(name)));
             let numbers = ["seed", "number"].map(|name| format!("{name} = {}\n", value(name)));
-            let run = [
-                &names.concat(),
-                &numbers.concat(),
-                length,
-                "hardware = \"\"\n",
-            ]
-            .concat();
+            let run = [&names.concat(), &numbers.concat(), length, "hardware = \"\"\n"].concat();
             std::fs::write(folder.path().join("run.toml"), run).unwrap();
             here("rerun run.toml --out again.csv");
             let again = read("again.csv");

@@ -5,10 +5,7 @@ use crate::running::keys::{self, check_all};
 
 /// What is run one after the other in one folder, `--json` behind it.
 const ALONE: &[(&str, &str)] = &[
-    (
-        "faults",
-        "faults --runs 2 --kind spikes ram-statics --out faults.csv",
-    ),
+    ("faults", "faults --runs 2 --kind spikes ram-statics --out faults.csv"),
     ("faults-merge", "faults merge faults.csv"),
     (
         "faults-sound",
@@ -23,10 +20,8 @@ const ALONE: &[(&str, &str)] = &[
 ];
 
 /// What a test that runs it for other reasons compares.
-const ELSEWHERE: &[(&str, &str)] = &[
-    ("experiment-static", "experiment static"),
-    ("cycles", "cycles"),
-];
+const ELSEWHERE: &[(&str, &str)] =
+    &[("experiment-static", "experiment static"), ("cycles", "cycles")];
 
 #[test]
 fn no_command_with_json_is_without_its_keys() {

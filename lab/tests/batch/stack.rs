@@ -44,20 +44,12 @@ fn the_worst_case_covers_what_the_rig_sees_and_fits() {
 /// reached is one of the core library's for panics, or the handler.
 #[test]
 fn no_call_leads_to_a_panic() {
-    let stack = json(&tvc(&[
-        "stack", "--after", "0.01", "--top", "100000", "--json",
-    ]));
+    let stack = json(&tvc(&["stack", "--after", "0.01", "--top", "100000", "--json"]));
     assert_eq!(stack["problems"], serde_json::json!([]));
     let rows = stack["largest"].as_array().unwrap().iter();
     let functions: Vec<_> = rows.map(|row| row["function"].as_str().unwrap()).collect();
     assert!(functions.len() > 200, "{} functions", functions.len());
-    for part in [
-        "panic",
-        "unwrap_failed",
-        "expect_failed",
-        "rust_begin_unwind",
-        "slice_index",
-    ] {
+    for part in ["panic", "unwrap_failed", "expect_failed", "rust_begin_unwind", "slice_index"] {
         let found = functions.iter().find(|name| name.contains(part));
         assert_eq!(found, None);
     }
@@ -68,12 +60,7 @@ fn interrupts_have_the_priorities_that_the_board_documents() {
     let stack = stack();
     let handlers = stack["handlers"].as_array().unwrap().iter();
     let priorities: BTreeMap<_, _> = handlers
-        .map(|row| {
-            (
-                row["handler"].as_str().unwrap(),
-                row["priority"].as_f64().unwrap(),
-            )
-        })
+        .map(|row| (row["handler"].as_str().unwrap(), row["priority"].as_f64().unwrap()))
         .collect();
     for (handler, priority) in [
         ("SysTick", 0.0),

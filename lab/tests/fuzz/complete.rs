@@ -42,47 +42,21 @@ const WORDS: [&str; 15] = [
 
 /// Where something is read that is not of unknown origin.
 const ELSEWHERE: [(&str, &str); 10] = [
-    (
-        "rig/src/fly/faults/frames.rs",
-        "frames that the rig's host sends",
-    ),
-    (
-        "rig/src/fly/pilot.rs",
-        "what the rig's own image sends, and prompts to it",
-    ),
+    ("rig/src/fly/faults/frames.rs", "frames that the rig's host sends"),
+    ("rig/src/fly/pilot.rs", "what the rig's own image sends, and prompts to it"),
     ("reports/src/input.rs", "what opens the files of the others"),
     ("lab/src/cycles/mod.rs", "a recording of the source tree"),
-    (
-        "reports/src/kind.rs",
-        "the head of a file, looked at for zeros and one word",
-    ),
-    (
-        "ground/src/vehicle/calibrate/guided.rs",
-        "the log that was written just before, copied",
-    ),
-    (
-        "ground/src/vehicle/web/report.rs",
-        "a page that this program has made, passed on as it is",
-    ),
-    (
-        "ground/src/vehicle/support.rs",
-        "a log that is passed on as it is",
-    ),
-    (
-        "ground/src/vehicle/port/machine.rs",
-        "the names of processes, shown as they are",
-    ),
-    (
-        "ground/src/vehicle/calibrate/keyboard.rs",
-        "what the person at the keyboard types",
-    ),
+    ("reports/src/kind.rs", "the head of a file, looked at for zeros and one word"),
+    ("ground/src/vehicle/calibrate/guided.rs", "the log that was written just before, copied"),
+    ("ground/src/vehicle/web/report.rs", "a page that this program has made, passed on as it is"),
+    ("ground/src/vehicle/support.rs", "a log that is passed on as it is"),
+    ("ground/src/vehicle/port/machine.rs", "the names of processes, shown as they are"),
+    ("ground/src/vehicle/calibrate/keyboard.rs", "what the person at the keyboard types"),
 ];
 
 /// The files of source in a folder and those below.
 fn sources(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().path());
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     entries
         .flat_map(|path| match path.is_dir() {
             true => sources(&path),
@@ -98,30 +72,19 @@ fn code(path: &Path) -> String {
     let begin = |head| text.find(head).unwrap_or(text.len());
     let tests = begin("#[cfg(test)]\nmod tests").min(begin("#[cfg(all(test"));
     let lines = text[..tests].lines();
-    let code: Vec<_> = lines
-        .filter(|line| !line.trim_start().starts_with("//"))
-        .collect();
+    let code: Vec<_> = lines.filter(|line| !line.trim_start().starts_with("//")).collect();
     code.join("\n")
 }
 
 #[test]
 fn every_place_that_reads_is_one_of_a_reader() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-    let known: BTreeSet<&str> = READERS
-        .iter()
-        .flat_map(|reader| reader.sources)
-        .copied()
-        .collect();
+    let known: BTreeSet<&str> = READERS.iter().flat_map(|reader| reader.sources).copied().collect();
     let elsewhere: BTreeSet<&str> = ELSEWHERE.iter().map(|(path, _)| *path).collect();
     let mut reading = BTreeSet::new();
     for folder in FOLDERS {
         for path in sources(&root.join(folder)) {
-            let name = path
-                .strip_prefix(root)
-                .unwrap()
-                .to_str()
-                .unwrap()
-                .replace('\\', "/");
+            let name = path.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
             let is_test =
                 name.contains("/tests") || name.contains("fuzz") || !name.ends_with(".rs");
             if !is_test && WORDS.iter().any(|word| code(&path).contains(word)) {

@@ -6,9 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// The folder of a kind of input.
 pub fn folder(kind: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("fuzz_corpus")
-        .join(kind)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz_corpus").join(kind)
 }
 
 /// The stored inputs of a kind, by their names' order.

@@ -25,14 +25,7 @@ const PAYLOAD: usize = 255;
 
 /// Values that break arithmetic.
 fn hostile(random: &mut StdRng) -> [u8; 4] {
-    let values = [
-        f32::NAN,
-        f32::INFINITY,
-        f32::NEG_INFINITY,
-        f32::MAX,
-        -0.0,
-        1e-40,
-    ];
+    let values = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, -0.0, 1e-40];
     match random.random_range(0..4) {
         0 => values.choose(random).map_or([0; 4], |v| v.to_le_bytes()),
         1 => [0xFF; 4],
@@ -111,14 +104,7 @@ fn change_time(time: &mut [u8], random: &mut StdRng) {
     let Ok(now) = <[u8; 8]>::try_from(&*time).map(u64::from_be_bytes) else {
         return;
     };
-    let times = [
-        0,
-        1,
-        u64::MAX,
-        u64::MAX / 1000,
-        now.wrapping_add(1 << 40),
-        now.wrapping_sub(1),
-    ];
+    let times = [0, 1, u64::MAX, u64::MAX / 1000, now.wrapping_add(1 << 40), now.wrapping_sub(1)];
     if let Some(new) = times.choose(random) {
         time.copy_from_slice(&new.to_be_bytes());
     }

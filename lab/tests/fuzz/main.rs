@@ -5,10 +5,7 @@
 //! [`readers`] has the table of them, `lab/fuzz_corpus` the stored inputs. A case is a reader
 //! and a number: the same two are the same input.
 
-#![allow(
-    unreachable_pub,
-    reason = "nothing of a test is reachable from outside"
-)]
+#![allow(unreachable_pub, reason = "nothing of a test is reachable from outside")]
 
 mod complete;
 mod corpus;
@@ -105,8 +102,7 @@ impl Run {
         let mut longest = self.longest.lock().unwrap();
         *longest = (*longest).max((took, number));
         drop(longest);
-        self.most_bytes
-            .fetch_max(memory.bytes_max, Ordering::Relaxed);
+        self.most_bytes.fetch_max(memory.bytes_max, Ordering::Relaxed);
         let own = memory.bytes_max.saturating_sub(self.reader.own_bytes);
         let greed = 1000 * own / (bytes.len() as u64).max(1);
         self.greed.fetch_max(greed, Ordering::Relaxed);
@@ -138,10 +134,7 @@ impl Run {
         let under_way = self.under_way.lock().unwrap();
         for (number, since) in under_way.values() {
             if since.elapsed() > ENDLESS {
-                self.keep(
-                    *number,
-                    &mutate::input(*number, &self.stored, self.reader.form),
-                );
+                self.keep(*number, &mutate::input(*number, &self.stored, self.reader.form));
                 eprintln!("{} {number} takes for ever", self.reader.name);
                 std::process::abort();
             }
@@ -149,10 +142,7 @@ impl Run {
     }
 
     fn line(&self, begun: Instant) -> String {
-        let (done, seconds) = (
-            self.done.load(Ordering::Relaxed),
-            begun.elapsed().as_secs_f64(),
-        );
+        let (done, seconds) = (self.done.load(Ordering::Relaxed), begun.elapsed().as_secs_f64());
         let (longest, number) = *self.longest.lock().unwrap();
         format!(
             "{:<18} {done:>9} inputs in {seconds:6.1} s, {:>7.0} a second; longest {:7.1} ms \
@@ -194,9 +184,7 @@ fn try_reader(reader: &'static Reader, numbers: std::ops::Range<u64>) -> Vec<Str
     println!("{}", run.line(begun));
     let failed = run.failed.into_inner().unwrap();
     let name = reader.name;
-    let failed = failed
-        .iter()
-        .map(|(number, why)| format!("{name} {number}: {why}"));
+    let failed = failed.iter().map(|(number, why)| format!("{name} {number}: {why}"));
     failed.collect()
 }
 
@@ -206,9 +194,8 @@ fn try_all(numbers: &std::ops::Range<u64>) {
     let is_wanted = |reader: &&Reader| only.as_ref().is_none_or(|name| name == reader.name);
     let mut wanted = READERS.iter().filter(is_wanted).peekable();
     assert!(wanted.peek().is_some(), "there is no reader {only:?}");
-    let failed: Vec<String> = wanted
-        .flat_map(|reader| try_reader(reader, numbers.clone()))
-        .collect();
+    let failed: Vec<String> =
+        wanted.flat_map(|reader| try_reader(reader, numbers.clone())).collect();
     assert!(failed.is_empty(), "{}", failed.join("\n"));
 }
 

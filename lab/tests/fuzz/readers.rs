@@ -84,10 +84,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: 512 * KIB,
         times: 100,
         read: recordings::table,
-        sources: &[
-            "design/src/identify.rs",
-            "ground/src/vehicle/calibrate/readings.rs",
-        ],
+        sources: &["design/src/identify.rs", "ground/src/vehicle/calibrate/readings.rs"],
     },
     Reader {
         name: "recording",
@@ -195,11 +192,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: 64 * KIB,
         times: 100,
         read: files::action,
-        sources: &[
-            "rig/src/fly/action.rs",
-            "rig/src/fly/control.rs",
-            "rig/src/bench/hardware.rs",
-        ],
+        sources: &["rig/src/fly/action.rs", "rig/src/fly/control.rs", "rig/src/bench/hardware.rs"],
     },
     Reader {
         name: "answer",
@@ -266,10 +259,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: MIB,
         times: 100,
         read: vehicle::station,
-        sources: &[
-            "ground/src/vehicle/forward.rs",
-            "ground/src/vehicle/forward/gate.rs",
-        ],
+        sources: &["ground/src/vehicle/forward.rs", "ground/src/vehicle/forward/gate.rs"],
     },
     Reader {
         name: "request",

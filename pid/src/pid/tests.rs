@@ -6,11 +6,7 @@ use std::vec::Vec;
 const PERIOD: f32 = 0.01;
 
 fn config(kp: f32, ki: f32, kd: f32) -> Config {
-    Config {
-        gains: Gains { kp, ki, kd },
-        limit: -1000.0..=1000.0,
-        ..Config::new(PERIOD)
-    }
+    Config { gains: Gains { kp, ki, kd }, limit: -1000.0..=1000.0, ..Config::new(PERIOD) }
 }
 
 fn pid(config: Config) -> Controller<f32, Pid<f32>> {
@@ -42,10 +38,7 @@ fn zero_error_gives_zero_output() {
 
 #[test]
 fn a_derivative_on_measurement_does_not_kick_with_the_setpoint_or_at_the_start() {
-    let mut pid = pid(Config {
-        derivative: Derivative::Measurement,
-        ..config(0.0, 0.0, 0.5)
-    });
+    let mut pid = pid(Config { derivative: Derivative::Measurement, ..config(0.0, 0.0, 0.5) });
     assert_eq!(pid.update(0.0, 3.0, 9.0), 0.0);
     assert_eq!(pid.update(7.0, 3.0, 9.0), 0.0);
     // 0.02 in 0.01 s: a rate of 2, against the motion.
@@ -55,10 +48,8 @@ fn a_derivative_on_measurement_does_not_kick_with_the_setpoint_or_at_the_start()
 #[test]
 fn a_derivative_on_error_kicks_by_its_weight() {
     for weight in [0.0, 0.5, 1.0] {
-        let mut pid = pid(Config {
-            derivative: Derivative::Error { weight },
-            ..config(0.0, 0.0, 0.5)
-        });
+        let mut pid =
+            pid(Config { derivative: Derivative::Error { weight }, ..config(0.0, 0.0, 0.5) });
         pid.update(0.0, 0.0, 0.0);
         close(pid.update(1.0, 0.0, 0.0), 50.0 * weight);
     }
@@ -66,10 +57,7 @@ fn a_derivative_on_error_kicks_by_its_weight() {
 
 #[test]
 fn the_derivative_filter_is_a_first_order_lag() {
-    let mut pid = pid(Config {
-        derivative_filter_s: 0.1,
-        ..config(0.0, 0.0, 1.0)
-    });
+    let mut pid = pid(Config { derivative_filter_s: 0.1, ..config(0.0, 0.0, 1.0) });
     let outputs: Vec<f32> = (0..100).map(|_| pid.update(0.0, 0.0, 1.0)).collect();
     for (index, output) in outputs.iter().enumerate() {
         let steps = index as i32 + 1;
@@ -79,10 +67,7 @@ fn the_derivative_filter_is_a_first_order_lag() {
 
 #[test]
 fn a_filtered_difference_has_the_gain_of_a_filtered_rate() {
-    let mut by_rate = pid(Config {
-        derivative_filter_s: 0.05,
-        ..config(0.0, 0.0, 0.4)
-    });
+    let mut by_rate = pid(Config { derivative_filter_s: 0.05, ..config(0.0, 0.0, 0.4) });
     let mut by_difference = pid(Config {
         derivative: Derivative::Measurement,
         derivative_filter_s: 0.05,
@@ -93,21 +78,14 @@ fn a_filtered_difference_has_the_gain_of_a_filtered_rate() {
     for index in 0..50_u8 {
         let rate = f32::from(index) * 0.1;
         angle += rate * PERIOD;
-        let (a, b) = (
-            by_rate.update(0.0, 0.0, rate),
-            by_difference.update(0.0, angle, 0.0),
-        );
+        let (a, b) = (by_rate.update(0.0, 0.0, rate), by_difference.update(0.0, angle, 0.0));
         assert!((a - b).abs() < 1e-4, "{a} {b}");
     }
 }
 
 #[test]
 fn output_stays_in_its_limits_and_its_slew() {
-    let mut pid = pid(Config {
-        limit: -0.5..=1.0,
-        slew_per_s: 20.0,
-        ..config(10.0, 0.0, 0.0)
-    });
+    let mut pid = pid(Config { limit: -0.5..=1.0, slew_per_s: 20.0, ..config(10.0, 0.0, 0.0) });
     close(pid.update(1.0, 0.0, 0.0), 0.2);
     close(pid.update(1.0, 0.0, 0.0), 0.4);
     for _ in 0..10 {
@@ -123,17 +101,11 @@ fn output_stays_in_its_limits_and_its_slew() {
 /// Pushes against the limit for 5 s, then wants the opposite. Gives the samples until the output
 /// leaves the limit.
 fn samples_to_turn_back(anti_windup: AntiWindup) -> usize {
-    let mut pid = pid(Config {
-        limit: -1.0..=1.0,
-        anti_windup,
-        ..config(1.0, 2.0, 0.0)
-    });
+    let mut pid = pid(Config { limit: -1.0..=1.0, anti_windup, ..config(1.0, 2.0, 0.0) });
     for _ in 0..500 {
         assert!(pid.update(5.0, 0.0, 0.0) <= 1.0);
     }
-    (0..1000)
-        .position(|_| pid.update(-0.1, 0.0, 0.0) < 0.9)
-        .unwrap()
+    (0..1000).position(|_| pid.update(-0.1, 0.0, 0.0) < 0.9).unwrap()
 }
 
 #[test]
@@ -154,19 +126,12 @@ fn back_calculation_settles_where_growth_and_cut_balance() {
         pid.update(5.0, 0.0, 0.0);
     }
     // ki e = (v - 1) / Tt: v = 1 + 0.2 * 10 = 3; the growth of the sample, 0.1, is part of v.
-    assert!(
-        (pid.state.integral() - 2.9).abs() < 0.01,
-        "{}",
-        pid.state.integral()
-    );
+    assert!((pid.state.integral() - 2.9).abs() < 0.01, "{}", pid.state.integral());
 }
 
 #[test]
 fn conditional_integration_still_integrates_back_from_the_limit() {
-    let mut pid = pid(Config {
-        limit: -1.0..=1.0,
-        ..config(0.0, 1.0, 0.0)
-    });
+    let mut pid = pid(Config { limit: -1.0..=1.0, ..config(0.0, 1.0, 0.0) });
     for _ in 0..300 {
         pid.update(1.0, 0.0, 0.0);
     }
@@ -191,11 +156,8 @@ fn gains_change_without_a_bump() {
     close(pid.update(1.0, 0.3, -0.4), before + 6.0 * growth);
     // The filter and the weight too.
     let before = pid.state.output();
-    let changed = Config {
-        derivative_filter_s: 0.05,
-        setpoint_weight: 0.2,
-        ..config(5.0, 3.0, 0.9)
-    };
+    let changed =
+        Config { derivative_filter_s: 0.05, setpoint_weight: 0.2, ..config(5.0, 3.0, 0.9) };
     pid.retune(&changed).unwrap();
     close(pid.update(1.0, 0.3, -0.4), before + 6.0 * growth);
 }
@@ -218,10 +180,7 @@ fn handed_over_control_continues_from_the_last_output() {
 #[test]
 fn a_setpoint_weight_takes_the_kick_and_the_integral_still_arrives() {
     let arrive = |weight: f32| {
-        let mut pid = pid(Config {
-            setpoint_weight: weight,
-            ..config(2.0, 4.0, 0.0)
-        });
+        let mut pid = pid(Config { setpoint_weight: weight, ..config(2.0, 4.0, 0.0) });
         // A first-order plant, 0.5 s, gain 1.
         let (mut y, mut highest, mut first) = (0.0_f32, 0.0_f32, None);
         for _ in 0..2000 {
@@ -244,56 +203,17 @@ fn every_parameter_is_checked_by_name() {
     let refused = |config: Config| Pid::<f32>::new(&config).err();
     let good = || config(1.0, 1.0, 1.0);
     for (bad, name) in [
-        (
-            Config {
-                period_s: 0.0,
-                ..good()
-            },
-            "period_s",
-        ),
+        (Config { period_s: 0.0, ..good() }, "period_s"),
         (config(f32::INFINITY, 0.0, 0.0), "gains.kp"),
         (config(0.0, f32::NAN, 0.0), "gains.ki"),
         (config(0.0, 0.0, 1e9), "gains.kd"),
+        (Config { derivative_filter_s: -1.0, ..good() }, "derivative_filter_s"),
+        (Config { setpoint_weight: 1.5, ..good() }, "setpoint_weight"),
+        (Config { derivative: Derivative::Error { weight: -0.1 }, ..good() }, "derivative.weight"),
+        (Config { limit: 1.0..=-1.0, ..good() }, "limit"),
+        (Config { slew_per_s: 0.0, ..good() }, "slew_per_s"),
         (
-            Config {
-                derivative_filter_s: -1.0,
-                ..good()
-            },
-            "derivative_filter_s",
-        ),
-        (
-            Config {
-                setpoint_weight: 1.5,
-                ..good()
-            },
-            "setpoint_weight",
-        ),
-        (
-            Config {
-                derivative: Derivative::Error { weight: -0.1 },
-                ..good()
-            },
-            "derivative.weight",
-        ),
-        (
-            Config {
-                limit: 1.0..=-1.0,
-                ..good()
-            },
-            "limit",
-        ),
-        (
-            Config {
-                slew_per_s: 0.0,
-                ..good()
-            },
-            "slew_per_s",
-        ),
-        (
-            Config {
-                anti_windup: AntiWindup::BackCalculation { time_s: 0.0 },
-                ..good()
-            },
+            Config { anti_windup: AntiWindup::BackCalculation { time_s: 0.0 }, ..good() },
             "anti_windup.time_s",
         ),
     ] {

@@ -139,9 +139,7 @@ impl<T: Scalar> Coefficients<T> {
             way_share: (2.0 / 3.0).into(),
             rate_share: config.rate_share.into(),
             value_share: config.value_share.into(),
-            trim: (config.rate_share * config.trim_rad_s / config.plant_gain)
-                .min(MOST_TRIM)
-                .into(),
+            trim: (config.rate_share * config.trim_rad_s / config.plant_gain).min(MOST_TRIM).into(),
             trim_limit: config.trim_limit.into(),
             limit: config.limit.into(),
         })
@@ -179,9 +177,7 @@ impl<T: Scalar> Steps<T> {
     /// The actuator over a step; its speed is in output per step.
     #[inline]
     pub(super) fn turn(&self, target: T, actuator: &mut T, speed: &mut T) {
-        let asked = (target - *actuator)
-            .times(self.loop_gain)
-            .clamped(-self.most, self.most);
+        let asked = (target - *actuator).times(self.loop_gain).clamped(-self.most, self.most);
         *speed = *speed + (asked - *speed).times(self.lag_gain);
         *actuator = *actuator + *speed;
     }
@@ -194,11 +190,7 @@ impl Tangent<f32> {
     fn new(touch: f32, rate: f32) -> Self {
         const MEETING: f32 = 1.423_661;
         let at_zero = rate / 3.0;
-        Self {
-            until: MEETING * touch,
-            at_zero,
-            slope: 2.0 * at_zero / touch,
-        }
+        Self { until: MEETING * touch, at_zero, slope: 2.0 * at_zero / touch }
     }
 }
 
@@ -206,9 +198,7 @@ impl Tangent<f32> {
 /// intersection with a tangent.
 fn meeting(tangents: &[Tangent<f32>], slope: f32) -> f32 {
     let steeper = tangents.iter().filter(|tangent| slope > tangent.slope);
-    steeper
-        .map(|tangent| tangent.at_zero / (slope - tangent.slope))
-        .fold(LARGEST, f32::min)
+    steeper.map(|tangent| tangent.at_zero / (slope - tangent.slope)).fold(LARGEST, f32::min)
 }
 
 /// The cube root of a positive number, by Newton's method. A third of the bits, with the exponent's

@@ -85,10 +85,7 @@ fn figures(path: &[f64], start: f64) -> (f64, f64) {
 fn arrives_in_little_more_than_the_shortest_time_there_is() {
     for (start, most_s) in [(0.2, 0.38), (0.4, 0.45), (0.8, 0.58), (-0.4, 0.45)] {
         let (settled_s, over) = figures(&fly::<f32>(&config(), start, 0.0), start);
-        assert!(
-            settled_s < most_s && over < 0.04,
-            "{start}: {settled_s} {over}"
-        );
+        assert!(settled_s < most_s && over < 0.04, "{start}: {settled_s} {over}");
     }
 }
 
@@ -99,18 +96,13 @@ fn holds_against_a_steady_push() {
     let path = fly::<f32>(&config(), 0.2, 0.08);
     let last = &path[300..];
     let mean = last.iter().sum::<f64>() / last.len() as f64;
-    let most = last
-        .iter()
-        .fold(0.0_f64, |most, value| most.max(value.abs()));
+    let most = last.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
     assert!(mean.abs() < 1e-3 && most < 7e-3, "{mean} {most}");
 }
 
 #[test]
 fn fixed_point_flies_as_float_does() {
-    let (float, fixed) = (
-        fly::<f32>(&config(), 0.4, 0.03),
-        fly::<Q16>(&config(), 0.4, 0.03),
-    );
+    let (float, fixed) = (fly::<f32>(&config(), 0.4, 0.03), fly::<Q16>(&config(), 0.4, 0.03));
     for (a, b) in float.iter().zip(fixed) {
         assert!((a - b).abs() < 4e-3, "{a} {b}");
     }
@@ -133,15 +125,8 @@ fn the_surface_is_where_the_actuator_is_back_at_zero() {
         ..config()
     };
     let mut law = Controller::<f32, Surface<f32>>::new(&config).unwrap();
-    law.law.correct(
-        &mut law.state,
-        &Reading {
-            value: 0.3,
-            rate: -1.0,
-            age: None,
-            value_lead: 0.0,
-        },
-    );
+    law.law
+        .correct(&mut law.state, &Reading { value: 0.3, rate: -1.0, age: None, value_lead: 0.0 });
     (law.state.actuator, law.state.position) = (0.5, 0.5);
     (law.state.sent, law.state.targets) = (0.5, [0.5; HISTORY]);
     let x = 0.3 - 0.1 + 31.6 * 0.125 / 75.0;
@@ -152,11 +137,7 @@ fn the_surface_is_where_the_actuator_is_back_at_zero() {
 
 #[test]
 fn six_lines_stand_for_the_curve() {
-    let config = SurfaceConfig {
-        near_per_s: 1e4,
-        curve: 1.0,
-        ..config()
-    };
+    let config = SurfaceConfig { near_per_s: 1e4, curve: 1.0, ..config() };
     let c = Coefficients::<f32>::new(&config).unwrap();
     let steepness = (31.6_f32 * 5.5).cbrt();
     for index in 2..100 {
@@ -172,10 +153,7 @@ fn six_lines_stand_for_the_curve() {
 #[test]
 fn the_least_of_line_and_curve_counts() {
     for near_per_s in [3.0, 8.0, 15.0, 40.0] {
-        let config = SurfaceConfig {
-            near_per_s,
-            ..config()
-        };
+        let config = SurfaceConfig { near_per_s, ..config() };
         let c = Coefficients::<f32>::new(&config).unwrap();
         for index in 0..200 {
             let x = 0.005 * index as f32;
@@ -206,28 +184,15 @@ fn a_target_takes_effect_between_two_samples() {
 fn an_old_reading_is_compared_with_the_past() {
     let mut law = Controller::<f32, Surface<f32>>::new(&config()).unwrap();
     law.state.is_known = true;
-    law.state.rate = Track {
-        now: 0.4,
-        changes: [0.1; HISTORY],
-    };
+    law.state.rate = Track { now: 0.4, changes: [0.1; HISTORY] };
     law.law.correct(
         &mut law.state,
-        &Reading {
-            value: 0.0,
-            rate: 0.25,
-            age: Some(1.5),
-            value_lead: 0.0,
-        },
+        &Reading { value: 0.0, rate: 0.25, age: Some(1.5), value_lead: 0.0 },
     );
     assert!((law.state.rate.now - 0.4).abs() < 1e-6);
     law.law.correct(
         &mut law.state,
-        &Reading {
-            value: 0.0,
-            rate: 0.35,
-            age: Some(1.5),
-            value_lead: 0.0,
-        },
+        &Reading { value: 0.0, rate: 0.35, age: Some(1.5), value_lead: 0.0 },
     );
     assert!((law.state.rate.now - 0.49).abs() < 1e-6);
 }
@@ -265,51 +230,19 @@ fn what_it_remembers_makes_another_go_on_alike() {
 #[test]
 fn other_gains_come_without_a_bump_and_impossible_ones_are_refused_by_name() {
     let mut law = Controller::<f32, Surface<f32>>::new(&config()).unwrap();
-    let reading = Reading {
-        value: 0.2,
-        rate: 0.1,
-        age: Some(0.6),
-        value_lead: 0.0,
-    };
+    let reading = Reading { value: 0.2, rate: 0.1, age: Some(0.6), value_lead: 0.0 };
     for _ in 0..10 {
         law.read(0.0, &reading, true);
     }
     let (actuator, rate) = (law.state.actuator, law.state.rate.now);
-    let other = SurfaceConfig {
-        gain_s: 0.4,
-        ..config()
-    };
+    let other = SurfaceConfig { gain_s: 0.4, ..config() };
     law.retune(&other).unwrap();
     assert_eq!((law.state.actuator, law.state.rate.now), (actuator, rate));
     for (config, name) in [
-        (
-            SurfaceConfig {
-                rate_share: 1.5,
-                ..config()
-            },
-            "rate_share",
-        ),
-        (
-            SurfaceConfig {
-                effect_s: 0.03,
-                ..config()
-            },
-            "effect_s",
-        ),
-        (
-            SurfaceConfig {
-                actuator_rate: 0.0,
-                ..config()
-            },
-            "actuator_rate",
-        ),
-        (
-            SurfaceConfig {
-                gain_s: f32::NAN,
-                ..config()
-            },
-            "gain_s",
-        ),
+        (SurfaceConfig { rate_share: 1.5, ..config() }, "rate_share"),
+        (SurfaceConfig { effect_s: 0.03, ..config() }, "effect_s"),
+        (SurfaceConfig { actuator_rate: 0.0, ..config() }, "actuator_rate"),
+        (SurfaceConfig { gain_s: f32::NAN, ..config() }, "gain_s"),
     ] {
         assert_eq!(law.retune(&config), Err(ConfigError::OutOfRange(name)));
     }
@@ -322,20 +255,11 @@ fn other_gains_come_without_a_bump_and_impossible_ones_are_refused_by_name() {
 #[test]
 fn a_plant_that_is_held_does_not_wind_it_up() {
     let mut law = Controller::<f32, Surface<f32>>::new(&config()).unwrap();
-    let held = Reading {
-        value: 0.3,
-        rate: 0.0,
-        age: Some(0.0),
-        value_lead: 0.0,
-    };
+    let held = Reading { value: 0.3, rate: 0.0, age: Some(0.0), value_lead: 0.0 };
     for sample in 0..600_u32 {
         law.read(0.0, &held, sample.is_multiple_of(3));
     }
-    assert!(
-        (law.state.value.now - 0.3).abs() < 0.02,
-        "{}",
-        law.state.value.now
-    );
+    assert!((law.state.value.now - 0.3).abs() < 0.02, "{}", law.state.value.now);
     assert!(law.state.rate.now.abs() < 0.2, "{}", law.state.rate.now);
     assert!(law.state.disturbance().abs() <= 0.3);
 }

@@ -245,8 +245,7 @@ impl Ascent {
 
     /// Whether the engine gives thrust.
     pub fn burning(&self) -> bool {
-        self.time_s
-            .is_some_and(|now| now < self.parameters.rocket.burn_s)
+        self.time_s.is_some_and(|now| now < self.parameters.rocket.burn_s)
     }
 
     /// Mass, centre of mass and inertia now.
@@ -272,11 +271,7 @@ impl Ascent {
     /// given at a share of it.
     fn advance(&mut self, now_s: f64, dt_s: f64, burning: bool, gimbal: impl Fn(f64) -> [f64; 2]) {
         let slope = |share: f64, state: &State| {
-            let drive = Drive {
-                time_s: now_s + share * dt_s,
-                burning,
-                gimbal_rad: gimbal(share),
-            };
+            let drive = Drive { time_s: now_s + share * dt_s, burning, gimbal_rad: gimbal(share) };
             self.slope(&drive, state)
         };
         let from = self.state;
@@ -350,11 +345,7 @@ impl Ascent {
         if let Spin::Moment(spin) = p.spin {
             moment.z += spin;
         }
-        Load {
-            mass,
-            force,
-            moment,
-        }
+        Load { mass, force, moment }
     }
 
     /// About the body's axes through the centre of mass, kg m2.

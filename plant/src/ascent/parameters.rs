@@ -50,11 +50,7 @@ impl AscentParameters {
             misalignment_rad: [0.0; 2],
             spin: Spin::Free,
             jet_damping: false,
-            wind: Wind {
-                steady_m_s: [0.0; 3],
-                gust: None,
-                turbulence: None,
-            },
+            wind: Wind { steady_m_s: [0.0; 3], gust: None, turbulence: None },
         }
     }
 

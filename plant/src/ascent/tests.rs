@@ -56,10 +56,7 @@ fn a_vertical_flight_is_the_vertical_run() {
         }
         let expected = table.at(f64::from(second));
         let [north, east, down] = ascent.velocity_m_s();
-        assert!(
-            (-down - expected.speed_m_s).abs() < 1e-6 * expected.speed_m_s,
-            "{second}"
-        );
+        assert!((-down - expected.speed_m_s).abs() < 1e-6 * expected.speed_m_s, "{second}");
         assert!((ascent.altitude_m() - expected.altitude_m).abs() < 1e-6 * expected.altitude_m);
         assert!(north.abs() < 1e-9 && east.abs() < 1e-9);
         let mass = ascent.mass_properties();
@@ -81,10 +78,7 @@ fn the_rocket_equation_holds_and_the_engine_stops_at_burn_out() {
         }
         ascent.step(7e-3, [0.0; 2]);
     }
-    assert!(
-        !ascent.burning() && (89.9929..90.0).contains(&lit_s),
-        "{lit_s}"
-    );
+    assert!(!ascent.burning() && (89.9929..90.0).contains(&lit_s), "{lit_s}");
     let exhaust = 100e3 / (2600.0 / 90.0);
     let expected = exhaust * (4000.0_f64 / 1400.0).ln() - GRAVITY_M_S2 * 91.0;
     let [_, _, down] = ascent.velocity_m_s();
@@ -109,10 +103,7 @@ fn angular_accelerations_are_those_of_the_two_axis_model() {
                 let found = ascent.acceleration_rad_s2();
                 let expected = -flight.mu_c * gimbal.sin() - flight.mu_a * angle.sin();
                 let index = 1 - axis;
-                assert!(
-                    (found[index] - expected).abs() < 1e-9,
-                    "{time}: {found:?} {expected}"
-                );
+                assert!((found[index] - expected).abs() < 1e-9, "{time}: {found:?} {expected}");
                 assert!(found[1 - index].abs() < 1e-9 && found[2].abs() < 1e-9);
             }
         }
@@ -121,19 +112,10 @@ fn angular_accelerations_are_those_of_the_two_axis_model() {
 
 #[test]
 fn free_fall_feels_nothing_and_keeps_energy_and_momentum() {
-    let parameters = AscentParameters {
-        sensor_m: [0.0; 3],
-        ..airless()
-    };
+    let parameters = AscentParameters { sensor_m: [0.0; 3], ..airless() };
     let mut ascent = Ascent::new(&parameters, UnitQuaternion::identity()).unwrap();
     let start = tilted(0.4, -0.2, 1.0);
-    ascent.release(
-        95.0,
-        [0.0, 0.0, -9e4],
-        [200.0, -50.0, -300.0],
-        start,
-        [0.0; 3],
-    );
+    ascent.release(95.0, [0.0, 0.0, -9e4], [200.0, -50.0, -300.0], start, [0.0; 3]);
     ascent.step(STEP_S, [0.05, 0.05]);
     assert!(Vector3::from(ascent.specific_force_m_s2()).norm() < 1e-12);
 
@@ -201,15 +183,9 @@ fn a_rocket_that_is_too_heavy_waits_on_its_pad() {
     ascent.ignite();
     ascent.step(STEP_S, [0.0; 2]);
     let [x, y, z] = ascent.specific_force_m_s2();
-    assert!(
-        x.abs() < 1e-12 && y.abs() < 1e-12 && (z + 25.0).abs() < 1e-3,
-        "{z}"
-    );
+    assert!(x.abs() < 1e-12 && y.abs() < 1e-12 && (z + 25.0).abs() < 1e-3, "{z}");
 
-    let weak = AscentParameters::of(RocketParameters {
-        thrust_n: 30e3,
-        ..RocketParameters::SPICA
-    });
+    let weak = AscentParameters::of(RocketParameters { thrust_n: 30e3, ..RocketParameters::SPICA });
     let mut ascent = Ascent::new(&weak, UnitQuaternion::identity()).unwrap();
     ascent.ignite();
     // Its mass is 30 kN / g when 942 kg of propellant are burnt.
@@ -225,10 +201,7 @@ fn a_rocket_that_is_too_heavy_waits_on_its_pad() {
     assert!(ascent.altitude_m() > 0.0);
 
     // Without a rail it flies at once, but not before it is lit.
-    let bare = AscentParameters {
-        rail_m: 0.0,
-        ..AscentParameters::SPICA
-    };
+    let bare = AscentParameters { rail_m: 0.0, ..AscentParameters::SPICA };
     let mut ascent = Ascent::new(&bare, UnitQuaternion::identity()).unwrap();
     ascent.step(STEP_S, [0.0; 2]);
     assert!(ascent.on_rail && ascent.position_m() == [0.0; 3]);
@@ -243,11 +216,7 @@ fn the_gimbal_keeps_its_limits_and_its_lag() {
     let mut ascent = spica();
     let mut before = [0.0; 2];
     for step in 0..2000 {
-        let command = if step < 1000 {
-            [1.0, -1.0]
-        } else {
-            [-1.0, 1.0]
-        };
+        let command = if step < 1000 { [1.0, -1.0] } else { [-1.0, 1.0] };
         ascent.step(STEP_S, command);
         for (now, before) in ascent.gimbal_rad().into_iter().zip(before) {
             assert!(now.abs() <= p.gimbal_limit_rad);
@@ -273,43 +242,22 @@ fn the_gimbal_keeps_its_limits_and_its_lag() {
 /// A thrust that is off the axis pulls as a gimbal that stands there.
 #[test]
 fn a_misalignment_is_a_gimbal_angle() {
-    let off = AscentParameters {
-        misalignment_rad: [0.01, -0.02],
-        ..AscentParameters::SPICA
-    };
+    let off = AscentParameters { misalignment_rad: [0.01, -0.02], ..AscentParameters::SPICA };
     let flown = |parameters: &AscentParameters, gimbal: [f64; 2]| {
         let mut ascent = Ascent::new(parameters, UnitQuaternion::identity()).unwrap();
-        ascent.release(
-            10.0,
-            [0.0; 3],
-            [0.0, 0.0, -100.0],
-            tilted(0.1, 0.0, 0.0),
-            [0.0; 3],
-        );
+        ascent.release(10.0, [0.0; 3], [0.0, 0.0, -100.0], tilted(0.1, 0.0, 0.0), [0.0; 3]);
         ascent.gimbal_rad = gimbal;
         (ascent.acceleration_rad_s2(), ascent.specific_force_m_s2())
     };
-    assert_eq!(
-        flown(&off, [0.0; 2]),
-        flown(&AscentParameters::SPICA, [0.01, -0.02])
-    );
+    assert_eq!(flown(&off, [0.0; 2]), flown(&AscentParameters::SPICA, [0.01, -0.02]));
 }
 
 #[test]
 fn spin_is_free_held_or_driven() {
     let flown = |spin| {
-        let parameters = AscentParameters {
-            spin,
-            ..AscentParameters::SPICA
-        };
+        let parameters = AscentParameters { spin, ..AscentParameters::SPICA };
         let mut ascent = Ascent::new(&parameters, UnitQuaternion::identity()).unwrap();
-        ascent.release(
-            0.0,
-            [0.0; 3],
-            [0.0, 0.0, -50.0],
-            tilted(0.0, 0.0, 0.0),
-            [0.0, 0.0, 0.5],
-        );
+        ascent.release(0.0, [0.0; 3], [0.0, 0.0, -50.0], tilted(0.0, 0.0, 0.0), [0.0, 0.0, 0.5]);
         ascent.kick([0.0, 0.0, 100.0]);
         let kicked = ascent.rates_rad_s()[2];
         for _ in 0..1000 {
@@ -331,18 +279,9 @@ fn spin_is_free_held_or_driven() {
 #[test]
 fn the_jet_damps_rates_where_asked() {
     let slowed = |jet_damping| {
-        let parameters = AscentParameters {
-            jet_damping,
-            ..airless()
-        };
+        let parameters = AscentParameters { jet_damping, ..airless() };
         let mut ascent = Ascent::new(&parameters, UnitQuaternion::identity()).unwrap();
-        ascent.release(
-            20.0,
-            [0.0; 3],
-            [0.0; 3],
-            tilted(0.0, 0.0, 0.0),
-            [0.0, 0.1, 0.0],
-        );
+        ascent.release(20.0, [0.0; 3], [0.0; 3], tilted(0.0, 0.0, 0.0), [0.0, 0.1, 0.0]);
         (ascent.acceleration_rad_s2()[1], ascent.mass_properties())
     };
     assert_eq!(slowed(false).0, 0.0);
@@ -358,10 +297,7 @@ fn the_jet_damps_rates_where_asked() {
 fn wind_turns_a_stable_rocket_into_it_at_every_heading() {
     let nose = |rocket, heading: f64| {
         let parameters = AscentParameters {
-            wind: Wind {
-                steady_m_s: [0.0, 10.0, 0.0],
-                ..Wind::default()
-            },
+            wind: Wind { steady_m_s: [0.0, 10.0, 0.0], ..Wind::default() },
             ..AscentParameters::of(rocket)
         };
         let mut ascent = Ascent::new(&parameters, tilted(0.0, 0.0, heading)).unwrap();
@@ -369,20 +305,14 @@ fn wind_turns_a_stable_rocket_into_it_at_every_heading() {
         for _ in 0..4000 {
             ascent.step(STEP_S, [0.0; 2]);
         }
-        (
-            ascent.attitude() * -Vector3::z(),
-            Vector3::from(ascent.position_m()),
-        )
+        (ascent.attitude() * -Vector3::z(), Vector3::from(ascent.position_m()))
     };
     let (stable, at) = nose(RocketParameters::SPICA, 0.0);
     assert!(stable.y < -1e-3 && stable.x.abs() < 1e-9, "{stable}");
     assert!(nose(RocketParameters::SPICA_UNSTABLE, 0.0).0.y > 1e-3);
     for heading in [FRAC_PI_2, 1.5 * FRAC_PI_2, -2.0] {
         let (turned, moved) = nose(RocketParameters::SPICA, heading);
-        assert!(
-            (turned - stable).norm() < 1e-9 && (moved - at).norm() < 1e-6,
-            "{heading}"
-        );
+        assert!((turned - stable).norm() < 1e-9 && (moved - at).norm() < 1e-6, "{heading}");
     }
 }
 
@@ -391,11 +321,7 @@ fn turbulence_shakes_a_rocket_alike_for_one_seed() {
     let flown = |seed| {
         let parameters = AscentParameters {
             wind: Wind {
-                turbulence: Some(Turbulence {
-                    rms_m_s: 2.0,
-                    length_m: 300.0,
-                    seed,
-                }),
+                turbulence: Some(Turbulence { rms_m_s: 2.0, length_m: 300.0, seed }),
                 ..Wind::default()
             },
             ..AscentParameters::SPICA
@@ -418,20 +344,11 @@ fn the_sensor_feels_the_bend_of_its_path() {
     let parameters = AscentParameters {
         sensor_m: [0.2, -0.3, -9.0],
         jet_damping: true,
-        ..AscentParameters::of(RocketParameters {
-            propellant_kg: 1e-6,
-            ..RocketParameters::SPICA
-        })
+        ..AscentParameters::of(RocketParameters { propellant_kg: 1e-6, ..RocketParameters::SPICA })
     };
     let mut ascent = Ascent::new(&parameters, UnitQuaternion::identity()).unwrap();
     let start = tilted(0.2, -0.1, 0.4);
-    ascent.release(
-        20.0,
-        [0.0, 0.0, -2e3],
-        [30.0, 0.0, -300.0],
-        start,
-        [0.2, -0.3, 0.8],
-    );
+    ascent.release(20.0, [0.0, 0.0, -2e3], [30.0, 0.0, -300.0], start, [0.2, -0.3, 0.8]);
     ascent.gimbal_rad = [0.03, -0.04];
     let place = |ascent: &Ascent| {
         let lever = Vector3::from(parameters.sensor_m)
@@ -479,78 +396,19 @@ proptest! {
 fn bad_figures_are_named() {
     let good = AscentParameters::SPICA;
     let with_wind = |wind| AscentParameters { wind, ..good };
-    let rocket = RocketParameters {
-        burn_s: 0.0,
-        ..good.rocket
-    };
-    let gust = Gust {
-        from_m: 0.0,
-        depth_m: 0.0,
-        peak_m_s: [0.0; 3],
-    };
-    let turbulence = Turbulence {
-        rms_m_s: -1.0,
-        length_m: 100.0,
-        seed: 0,
-    };
+    let rocket = RocketParameters { burn_s: 0.0, ..good.rocket };
+    let gust = Gust { from_m: 0.0, depth_m: 0.0, peak_m_s: [0.0; 3] };
+    let turbulence = Turbulence { rms_m_s: -1.0, length_m: 100.0, seed: 0 };
     for (bad, name) in [
         (AscentParameters { rocket, ..good }, "burn_s"),
-        (
-            AscentParameters {
-                axial_gyration_m: 0.0,
-                ..good
-            },
-            "axial_gyration_m",
-        ),
-        (
-            AscentParameters {
-                rail_m: -1.0,
-                ..good
-            },
-            "rail_m",
-        ),
-        (
-            AscentParameters {
-                sensor_m: [0.0, f64::NAN, 0.0],
-                ..good
-            },
-            "sensor_m",
-        ),
-        (
-            AscentParameters {
-                misalignment_rad: [f64::INFINITY, 0.0],
-                ..good
-            },
-            "misalignment_rad",
-        ),
-        (
-            AscentParameters {
-                spin: Spin::Moment(f64::NAN),
-                ..good
-            },
-            "spin_moment_n_m",
-        ),
-        (
-            with_wind(Wind {
-                steady_m_s: [f64::NAN; 3],
-                ..Wind::default()
-            }),
-            "steady_m_s",
-        ),
-        (
-            with_wind(Wind {
-                gust: Some(gust),
-                ..Wind::default()
-            }),
-            "depth_m",
-        ),
-        (
-            with_wind(Wind {
-                turbulence: Some(turbulence),
-                ..Wind::default()
-            }),
-            "rms_m_s",
-        ),
+        (AscentParameters { axial_gyration_m: 0.0, ..good }, "axial_gyration_m"),
+        (AscentParameters { rail_m: -1.0, ..good }, "rail_m"),
+        (AscentParameters { sensor_m: [0.0, f64::NAN, 0.0], ..good }, "sensor_m"),
+        (AscentParameters { misalignment_rad: [f64::INFINITY, 0.0], ..good }, "misalignment_rad"),
+        (AscentParameters { spin: Spin::Moment(f64::NAN), ..good }, "spin_moment_n_m"),
+        (with_wind(Wind { steady_m_s: [f64::NAN; 3], ..Wind::default() }), "steady_m_s"),
+        (with_wind(Wind { gust: Some(gust), ..Wind::default() }), "depth_m"),
+        (with_wind(Wind { turbulence: Some(turbulence), ..Wind::default() }), "rms_m_s"),
     ] {
         let error = Ascent::new(&bad, UnitQuaternion::identity()).unwrap_err();
         assert!(error.to_string().contains(name), "{error}");

@@ -100,10 +100,7 @@ impl Air {
 
     /// Moves on along a path of this length, in m.
     pub(super) fn pass(&mut self, path_m: f64) {
-        if let Some(Turbulence {
-            rms_m_s, length_m, ..
-        }) = self.wind.turbulence
-        {
+        if let Some(Turbulence { rms_m_s, length_m, .. }) = self.wind.turbulence {
             let kept = (-path_m / length_m).exp();
             let new = rms_m_s * (1.0 - kept * kept).sqrt();
             self.turbulence = kept * self.turbulence + new * self.draw();
@@ -129,11 +126,7 @@ mod tests {
     fn a_gust_rises_and_fades_within_its_layer() {
         let wind = Wind {
             steady_m_s: [1.0, 0.0, 0.0],
-            gust: Some(Gust {
-                from_m: 1000.0,
-                depth_m: 400.0,
-                peak_m_s: [0.0, 8.0, 0.0],
-            }),
+            gust: Some(Gust { from_m: 1000.0, depth_m: 400.0, peak_m_s: [0.0, 8.0, 0.0] }),
             turbulence: None,
         };
         let air = Air::new(&wind);
@@ -147,10 +140,7 @@ mod tests {
             (5000.0, 0.0),
         ] {
             let expected = Vector3::new(1.0, east, 0.0);
-            assert!(
-                (air.velocity(altitude) - expected).norm() < 1e-12,
-                "{altitude}"
-            );
+            assert!((air.velocity(altitude) - expected).norm() < 1e-12, "{altitude}");
         }
     }
 
@@ -159,11 +149,7 @@ mod tests {
     #[test]
     fn turbulence_has_its_strength_and_length() {
         let wind = Wind {
-            turbulence: Some(Turbulence {
-                rms_m_s: 3.0,
-                length_m: 200.0,
-                seed: 7,
-            }),
+            turbulence: Some(Turbulence { rms_m_s: 3.0, length_m: 200.0, seed: 7 }),
             ..Wind::default()
         };
         let (mut air, mut again) = (Air::new(&wind), Air::new(&wind));
@@ -180,10 +166,7 @@ mod tests {
             assert!((mean_square.sqrt() - 3.0).abs() < 0.15, "{mean_square}");
             let apart = seen.iter().zip(&seen[20..]).map(|(a, b)| a[axis] * b[axis]);
             let correlation = apart.sum::<f64>() / count / mean_square;
-            assert!(
-                (correlation - (-1.0_f64).exp()).abs() < 0.1,
-                "{correlation}"
-            );
+            assert!((correlation - (-1.0_f64).exp()).abs() < 0.1, "{correlation}");
         }
     }
 }

@@ -91,20 +91,12 @@ impl Ranges {
     };
 
     /// The reference's with servo, supply and sensor delay dispersed too.
-    pub const WIDE: Self = Self {
-        stall: 0.2,
-        supply_loss: 0.15,
-        backlash: 0.5,
-        delay_s: 2e-3,
-        ..Self::REFERENCE
-    };
+    pub const WIDE: Self =
+        Self { stall: 0.2, supply_loss: 0.15, backlash: 0.5, delay_s: 2e-3, ..Self::REFERENCE };
 
     /// The same with a lateral offset of the centre of mass (m), either way.
     pub fn with_lateral_m(self, cm_lateral_m: f64) -> Self {
-        Self {
-            cm_lateral_m,
-            ..self
-        }
+        Self { cm_lateral_m, ..self }
     }
 }
 
@@ -127,13 +119,7 @@ pub struct Campaign {
 impl Campaign {
     /// All of `runs` runs of 3 s with the reference ranges.
     pub fn new(seed: u64, runs: u64) -> Self {
-        Self {
-            seed,
-            runs,
-            shard: (0, 1),
-            seconds: 3.0,
-            ranges: Ranges::REFERENCE,
-        }
+        Self { seed, runs, shard: (0, 1), seconds: 3.0, ranges: Ranges::REFERENCE }
     }
 
     /// Numbers of the shard's runs, in order.
@@ -236,25 +222,18 @@ impl Draw {
     ) -> Result<(), ParameterError> {
         let setup = self.setup(nominal);
         let rate = START_RATE_RAD_S * self.start_rad.signum();
-        let mut sim = PitchLoop::new(
-            &setup.drone,
-            setup.servo,
-            setup.timing,
-            self.start_rad,
-            rate,
-        )?;
+        let mut sim =
+            PitchLoop::new(&setup.drone, setup.servo, setup.timing, self.start_rad, rate)?;
         let mut rng = ChaCha8Rng::seed_from_u64(self.noise_seed);
         // A sensor that repeats a reading repeats its noise.
         let mut newest = None;
         let mut noisy = |m: Measurement| {
             let exact = m.rate_rad_s;
-            let (_, noise) = newest
-                .take_if(|(before, _)| *before == exact)
-                .unwrap_or_else(|| {
-                    let mut normal = || -> f64 { rng.sample(StandardNormal) };
-                    let pitch_rad = ranges.pitch_noise_rad * normal();
-                    (exact, (pitch_rad, ranges.rate_noise_rad_s * normal()))
-                });
+            let (_, noise) = newest.take_if(|(before, _)| *before == exact).unwrap_or_else(|| {
+                let mut normal = || -> f64 { rng.sample(StandardNormal) };
+                let pitch_rad = ranges.pitch_noise_rad * normal();
+                (exact, (pitch_rad, ranges.rate_noise_rad_s * normal()))
+            });
             newest = Some((exact, noise));
             law(Measurement {
                 pitch_rad: m.pitch_rad + noise.0,
@@ -319,9 +298,7 @@ impl Outcome {
     /// How bad the run was: the larger of settling time and overshoot, each as a multiple of its
     /// limit. A run that never settled counts as 100.
     pub fn badness(&self) -> f64 {
-        let settling = self
-            .settling_5pct_s
-            .map_or(100.0, |s| s / REQUIRED_SETTLING_S);
+        let settling = self.settling_5pct_s.map_or(100.0, |s| s / REQUIRED_SETTLING_S);
         settling.max(self.overshoot_pct / REQUIRED_OVERSHOOT_PCT)
     }
 }
@@ -361,9 +338,7 @@ where
             )?;
             done();
             // Starts are not zero and the model is finite, so a record is always a response.
-            Ok(StepResponse::new(samples, 0.0)
-                .map(|response| Outcome::of(&draw, &response))
-                .ok())
+            Ok(StepResponse::new(samples, 0.0).map(|response| Outcome::of(&draw, &response)).ok())
         })
         .filter_map(Result::transpose)
         .collect()
@@ -389,10 +364,7 @@ mod tests {
 
     #[test]
     fn draws_stay_in_their_ranges_and_differ() {
-        let campaign = Campaign {
-            ranges: Ranges::WIDE.with_lateral_m(5e-3),
-            ..campaign(0)
-        };
+        let campaign = Campaign { ranges: Ranges::WIDE.with_lateral_m(5e-3), ..campaign(0) };
         let draws: Vec<Draw> = (0..300).map(|i| campaign.draw(i)).collect();
         for draw in &draws {
             assert!((0.7..=1.3).contains(&draw.thrust) && (0.85..=1.0).contains(&draw.supply));
@@ -417,17 +389,8 @@ mod tests {
     fn shards_merge_into_the_whole() {
         let setup = Setup::default();
         let whole = fly_pd(&setup, &campaign(7), 1.0, 0.3);
-        let shards = (0..3).map(|i| {
-            fly_pd(
-                &setup,
-                &Campaign {
-                    shard: (i, 3),
-                    ..campaign(7)
-                },
-                1.0,
-                0.3,
-            )
-        });
+        let shards =
+            (0..3).map(|i| fly_pd(&setup, &Campaign { shard: (i, 3), ..campaign(7) }, 1.0, 0.3));
         assert_eq!(merge(shards), whole);
     }
 }

@@ -20,11 +20,7 @@ impl Rate {
     /// runs the bounds are 0 and 1.
     pub fn new(hits: u64, runs: u64) -> Self {
         if runs == 0 {
-            return Self {
-                rate: 0.0,
-                low: 0.0,
-                high: 1.0,
-            };
+            return Self { rate: 0.0, low: 0.0, high: 1.0 };
         }
         const Z: f64 = 1.959_963_984_540_054;
         let n = runs as f64;
@@ -54,16 +50,11 @@ pub fn quantile(
     share: f64,
     figure: impl Fn(&Outcome) -> Option<f64>,
 ) -> Option<f64> {
-    let mut values: Vec<f64> = outcomes
-        .iter()
-        .map(|outcome| figure(outcome).unwrap_or(f64::INFINITY))
-        .collect();
+    let mut values: Vec<f64> =
+        outcomes.iter().map(|outcome| figure(outcome).unwrap_or(f64::INFINITY)).collect();
     values.sort_by(f64::total_cmp);
     let rank = (share * values.len() as f64).ceil().max(1.0) as usize;
-    values
-        .get(rank - 1)
-        .copied()
-        .filter(|value| value.is_finite())
+    values.get(rank - 1).copied().filter(|value| value.is_finite())
 }
 
 /// The `count` worst outcomes, worst first.
@@ -108,15 +99,8 @@ mod tests {
             settling_20mrad_s: None,
             final_error_rad: 0.0,
         };
-        let all = [
-            outcome(0, Some(0.5)),
-            outcome(1, None),
-            outcome(2, Some(0.9)),
-        ];
-        assert_eq!(
-            worst(&all, 2).iter().map(|o| o.index).collect::<Vec<_>>(),
-            [1, 2]
-        );
+        let all = [outcome(0, Some(0.5)), outcome(1, None), outcome(2, Some(0.9))];
+        assert_eq!(worst(&all, 2).iter().map(|o| o.index).collect::<Vec<_>>(), [1, 2]);
         assert_eq!(quantile(&all, 0.5, |o| o.settling_5pct_s), Some(0.9));
         assert_eq!(quantile(&all, 1.0, |o| o.settling_5pct_s), None);
         assert!((pass_rate(&all, Outcome::passes).rate - 2.0 / 3.0).abs() < 1e-12);

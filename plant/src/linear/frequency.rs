@@ -195,12 +195,7 @@ pub fn response(
             }
             phase_deg = raw + turns;
             last = Some(phase_deg);
-            Response {
-                rad_s,
-                value,
-                gain_db: 20.0 * value.norm().log10(),
-                phase_deg,
-            }
+            Response { rad_s, value, gain_db: 20.0 * value.norm().log10(), phase_deg }
         })
         .collect()
 }
@@ -221,11 +216,7 @@ pub fn margins(at: impl Fn(f64) -> Complex<f64>) -> Margins {
             let at_rad_s = crossing(&a, &b, &|value| value.norm() - 1.0);
             // Phase of -L: the margin, between -180 and 180 deg.
             let deg = (-at(at_rad_s)).arg().to_degrees();
-            let found = PhaseMargin {
-                deg,
-                at_rad_s,
-                delay_s: deg.to_radians() / at_rad_s,
-            };
+            let found = PhaseMargin { deg, at_rad_s, delay_s: deg.to_radians() / at_rad_s };
             if phase.is_none_or(|p| deg.abs() < p.deg.abs()) {
                 phase = Some(found);
             }
@@ -239,11 +230,7 @@ pub fn margins(at: impl Fn(f64) -> Complex<f64>) -> Margins {
             }
         }
     }
-    Margins {
-        gain,
-        phase,
-        peak_sensitivity,
-    }
+    Margins { gain, phase, peak_sensitivity }
 }
 
 /// Mean age of what the law has seen when its pulse begins, s: the sensor's delay, half the period
@@ -256,10 +243,7 @@ fn mean_delay_s(timing: &Timing) -> f64 {
 
 /// Upright at zero rudder.
 fn zero_rudder(mechanism: &Mechanism) -> State {
-    State {
-        crank_rad: mechanism.linkage().zero_rudder_crank_rad(),
-        ..State::default()
-    }
+    State { crank_rad: mechanism.linkage().zero_rudder_crank_rad(), ..State::default() }
 }
 
 /// From crank to pitch, upright at zero rudder: see [`crank_to_pitch_at`].
@@ -278,8 +262,5 @@ pub fn crank_to_pitch_at(mechanism: &Mechanism, point: &State) -> TransferFuncti
     let crank_slope = (load(pitch, crank + H) - load(pitch, crank - H)) / (2.0 * H);
     let at = mechanism.configuration(crank);
     let friction = mechanism.parameters().pivot_friction_n_m_s;
-    TransferFunction::new(
-        vec![at.m01, 0.0, -crank_slope],
-        vec![at.m00, friction, -pitch_slope],
-    )
+    TransferFunction::new(vec![at.m01, 0.0, -crank_slope], vec![at.m00, friction, -pitch_slope])
 }

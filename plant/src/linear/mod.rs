@@ -51,11 +51,7 @@ impl Equilibrium {
     fn at(mechanism: &Mechanism, pitch_rad: f64, crank_rad: f64) -> Self {
         let at = mechanism.configuration(crank_rad);
         Self {
-            state: State {
-                pitch_rad,
-                crank_rad,
-                ..State::default()
-            },
+            state: State { pitch_rad, crank_rad, ..State::default() },
             torque_n_m: -mechanism.crank_load(&at, pitch_rad, 0.0),
         }
     }
@@ -201,10 +197,8 @@ impl StateSpace {
     /// A time (s) of the size of the fastest motion. Counting time in it does not change a rank,
     /// and keeps powers of A from drowning the slow part in rounding.
     fn time_scale(&self) -> f64 {
-        let fastest = eigenvalues(self.dynamic())
-            .iter()
-            .map(|pole| pole.norm())
-            .fold(0.0, f64::max);
+        let fastest =
+            eigenvalues(self.dynamic()).iter().map(|pole| pole.norm()).fold(0.0, f64::max);
         if fastest > 0.0 { 1.0 / fastest } else { 1.0 }
     }
 }
@@ -222,9 +216,7 @@ pub(crate) fn eigenvalues(matrix: DMatrix<f64>) -> Vec<Complex<f64>> {
     (0..8)
         .map(|power| f64::EPSILON * 10.0_f64.powi(power))
         .find_map(|tolerance| Schur::try_new(matrix.clone(), tolerance, ITERATIONS))
-        .map_or(unknown, |schur| {
-            schur.complex_eigenvalues().iter().copied().collect()
-        })
+        .map_or(unknown, |schur| schur.complex_eigenvalues().iter().copied().collect())
 }
 
 /// Orders complex numbers by real part, then imaginary part.
@@ -250,8 +242,5 @@ fn rank(mut matrix: Matrix4<f64>) -> Rank {
     let mut singular_values: Vec<f64> = matrix.singular_values().iter().copied().collect();
     singular_values.sort_by(|x, y| y.total_cmp(x));
     let floor = RANK_TOLERANCE * singular_values[0];
-    Rank {
-        rank: singular_values.iter().filter(|s| **s > floor).count(),
-        singular_values,
-    }
+    Rank { rank: singular_values.iter().filter(|s| **s > floor).count(), singular_values }
 }

@@ -26,10 +26,7 @@ pub struct LocusPoint {
 impl TransferFunction {
     /// From coefficients, highest power first. Leading coefficients that are rounding are cut off.
     pub fn new(numerator: Vec<f64>, denominator: Vec<f64>) -> Self {
-        Self {
-            numerator: trimmed(numerator),
-            denominator: trimmed(denominator),
-        }
+        Self { numerator: trimmed(numerator), denominator: trimmed(denominator) }
     }
 
     /// Pade's approximation of a delay (s), of order two numerator and denominator.
@@ -38,10 +35,7 @@ impl TransferFunction {
         if t == 0.0 {
             return Self::new(vec![1.0], vec![1.0]);
         }
-        Self::new(
-            vec![t * t / 12.0, -0.5 * t, 1.0],
-            vec![t * t / 12.0, 0.5 * t, 1.0],
-        )
+        Self::new(vec![t * t / 12.0, -0.5 * t, 1.0], vec![t * t / 12.0, 0.5 * t, 1.0])
     }
 
     /// Coefficients of the numerator, highest power first.
@@ -93,20 +87,12 @@ impl TransferFunction {
 
     /// Closed-loop poles over a range of gains: the root locus.
     pub fn root_locus(&self, gains: impl IntoIterator<Item = f64>) -> Vec<LocusPoint> {
-        gains
-            .into_iter()
-            .map(|gain| LocusPoint {
-                gain,
-                poles: self.closed_poles(gain),
-            })
-            .collect()
+        gains.into_iter().map(|gain| LocusPoint { gain, poles: self.closed_poles(gain) }).collect()
     }
 }
 
 fn evaluate(coefficients: &[f64], s: Complex<f64>) -> Complex<f64> {
-    coefficients
-        .iter()
-        .fold(Complex::new(0.0, 0.0), |sum, c| sum * s + c)
+    coefficients.iter().fold(Complex::new(0.0, 0.0), |sum, c| sum * s + c)
 }
 
 fn product(x: &[f64], y: &[f64]) -> Vec<f64> {
@@ -175,15 +161,8 @@ mod tests {
         for i in 0..2000 {
             let gain = 10.0_f64.powf(-3.0 + 6.0 * f64::from(i) / 2000.0);
             // (s^2 + 1)^2 s^2 + gain (s - 1)^4: pairs of equal size, double roots at no gain.
-            let found = roots(&[
-                1.0,
-                0.0,
-                2.0 + gain,
-                -4.0 * gain,
-                1.0 + 6.0 * gain,
-                -4.0 * gain,
-                gain,
-            ]);
+            let found =
+                roots(&[1.0, 0.0, 2.0 + gain, -4.0 * gain, 1.0 + 6.0 * gain, -4.0 * gain, gain]);
             assert!(found.iter().all(|root| root.norm().is_finite()));
         }
         assert!(roots(&[1.0, f64::NAN, 1.0])[0].re.is_nan());

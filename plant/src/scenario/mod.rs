@@ -201,9 +201,8 @@ pub struct Row {
 
 impl Row {
     /// The columns' names, in order.
-    pub const COLUMNS: [&'static str; 9] = [
-        "t", "theta0", "theta1", "theta2", "theta3", "w0", "w1", "w2", "w3",
-    ];
+    pub const COLUMNS: [&'static str; 9] =
+        ["t", "theta0", "theta1", "theta2", "theta3", "w0", "w1", "w2", "w3"];
 
     /// The values in the columns' order.
     pub fn values(&self) -> [f64; 9] {
@@ -298,11 +297,9 @@ impl Input {
         let keys: Vec<String> = table.keys().cloned().collect();
         match keys.as_slice() {
             [] => Ok(Self::TorqueNM(Signal::default())),
-            [key] => Value::Table(table)
-                .try_into()
-                .map_err(|error: toml::de::Error| {
-                    ScenarioError::Key(format!("[input] {key}: {}", error.message()))
-                }),
+            [key] => Value::Table(table).try_into().map_err(|error: toml::de::Error| {
+                ScenarioError::Key(format!("[input] {key}: {}", error.message()))
+            }),
             several => Err(ScenarioError::Key(format!(
                 "[input] takes one key, not {}",
                 several.join(" and ")
@@ -317,31 +314,16 @@ impl Scenario {
     /// # Errors
     /// Unknown keys, bad units, values out of range, each by name.
     pub fn parse(text: &str) -> Result<Self, ScenarioError> {
-        let mut file: TomlTable = text
-            .parse()
-            .map_err(|error: toml::de::Error| SetupError::Syntax(error.to_string()))?;
+        let mut file: TomlTable =
+            text.parse().map_err(|error: toml::de::Error| SetupError::Syntax(error.to_string()))?;
         let setup = Setup::take(&mut file)?;
         let rest = in_si("", Value::Table(file)).map_err(ScenarioError::Key)?;
-        let File {
-            seconds,
-            dt_s,
-            start,
-            input,
-            loads,
-            options,
-        } = rest
+        let File { seconds, dt_s, start, input, loads, options } = rest
             .try_into()
             // The text ends in the path of the key that it is about.
             .map_err(|error: toml::de::Error| ScenarioError::Key(error.to_string()))?;
-        let scenario = Self {
-            setup,
-            seconds,
-            dt_s,
-            start,
-            input: Input::take(input)?,
-            loads,
-            options,
-        };
+        let scenario =
+            Self { setup, seconds, dt_s, start, input: Input::take(input)?, loads, options };
         scenario.validate()?;
         Ok(scenario)
     }
@@ -354,10 +336,7 @@ impl Scenario {
         self.setup.validate()?;
         let rows = self.seconds / self.dt_s;
         if !(self.dt_s > 0.0 && (1.0 - 1e-9..=MOST_ROWS).contains(&rows)) {
-            return Err(ScenarioError::Rows {
-                seconds: self.seconds,
-                dt_s: self.dt_s,
-            });
+            return Err(ScenarioError::Rows { seconds: self.seconds, dt_s: self.dt_s });
         }
         finite(&[
             ("pitch_rad", self.start.pitch_rad),

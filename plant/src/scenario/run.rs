@@ -17,11 +17,7 @@ const LEAST_TRANSMISSION: f64 = 0.02;
 
 /// Precision of a motion with a stop, whose damping sets in with a jump: the error of a step across
 /// the jump falls only in proportion to the step, so that the tolerance must leave it some length.
-const AT_A_STOP: Adaptive = Adaptive {
-    relative: 1e-9,
-    absolute: 1e-10,
-    max_step_s: 0.02,
-};
+const AT_A_STOP: Adaptive = Adaptive { relative: 1e-9, absolute: 1e-10, max_step_s: 0.02 };
 
 /// What moves the crank at an instant.
 enum Drive {
@@ -100,10 +96,7 @@ impl Scenario {
         // A whole number of rows a second divides, so that 0.15 s is 0.15 and not a bit beside it.
         let rate = (1.0 / self.dt_s).round();
         let whole = rate >= 1.0 && (rate * self.dt_s - 1.0).abs() < 1e-15;
-        (0..=rows)
-            .map(|i| i as f64)
-            .map(|i| if whole { i / rate } else { i * self.dt_s })
-            .collect()
+        (0..=rows).map(|i| i as f64).map(|i| if whole { i / rate } else { i * self.dt_s }).collect()
     }
 
     /// Free crank under a torque over time.
@@ -115,9 +108,7 @@ impl Scenario {
     ) -> Result<Vec<Row>, ScenarioError> {
         let torque = load(signal);
         let knots: Vec<f64> = torque.knots().collect();
-        self.run_free(loaded, &knots, |time, _| {
-            Drive::Torque(factor * torque.value(time))
-        })
+        self.run_free(loaded, &knots, |time, _| Drive::Torque(factor * torque.value(time)))
     }
 
     /// Integrates `[th0, th1, w0, v1]`.
@@ -130,10 +121,7 @@ impl Scenario {
         let linkage = *loaded.mechanism.linkage();
         let start = State {
             pitch_rad: self.start.pitch_rad,
-            crank_rad: self
-                .start
-                .crank_rad
-                .unwrap_or(linkage.zero_rudder_crank_rad()),
+            crank_rad: self.start.crank_rad.unwrap_or(linkage.zero_rudder_crank_rad()),
             pitch_rate_rad_s: self.start_rate(),
             crank_rate_rad_s: self.start.crank_rate_rad_s,
         };
@@ -177,11 +165,7 @@ impl Scenario {
     }
 
     fn start_rate(&self) -> f64 {
-        if self.options.hold_pitch {
-            0.0
-        } else {
-            self.start.pitch_rate_rad_s
-        }
+        if self.options.hold_pitch { 0.0 } else { self.start.pitch_rate_rad_s }
     }
 
     /// What the stop, if there is one, does to the crank, in N m.
@@ -210,10 +194,7 @@ impl Scenario {
         let hold = self.options.hold_pitch;
         let [angle, rate] = crank.at(0.0);
         let at = loaded.mechanism.configuration(angle);
-        let start = [
-            self.start.pitch_rad,
-            at.m00 * self.start_rate() + at.m01 * rate,
-        ];
+        let start = [self.start.pitch_rad, at.m00 * self.start_rate() + at.m01 * rate];
         let slope = |time: f64, x: &[f64; 2]| {
             if hold {
                 return [0.0, 0.0];
@@ -267,12 +248,7 @@ impl Scenario {
                 });
             }
             let s = sim.sample();
-            states.push([
-                s.pitch_rad,
-                s.crank.angle_rad,
-                s.rate_rad_s,
-                s.crank.rate_rad_s,
-            ]);
+            states.push([s.pitch_rad, s.crank.angle_rad, s.rate_rad_s, s.crank.rate_rad_s]);
         }
         rows(mechanism, &times, states)
     }

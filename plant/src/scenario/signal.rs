@@ -76,14 +76,12 @@ impl<'de> Deserialize<'de> for Signal {
         match Value::deserialize(deserializer)? {
             Value::Float(value) => Ok(Self::Constant(value)),
             Value::Integer(value) => Ok(Self::Constant(value as f64)),
-            points @ Value::Array(_) => Ok(Self::Table(Table {
-                points: points.try_into().map_err(into)?,
-                between: None,
-            })),
-            Value::Table(table) if table.contains_key("points") => Value::Table(table)
-                .try_into()
-                .map(Self::Table)
-                .map_err(into),
+            points @ Value::Array(_) => {
+                Ok(Self::Table(Table { points: points.try_into().map_err(into)?, between: None }))
+            }
+            Value::Table(table) if table.contains_key("points") => {
+                Value::Table(table).try_into().map(Self::Table).map_err(into)
+            }
             Value::Table(table) => Value::Table(table).try_into().map(Self::Sine).map_err(into),
             other => Err(D::Error::custom(format!(
                 "a {} is no input: a number, a table [[time, value], ...] or a sine is",
@@ -106,9 +104,7 @@ impl Signal {
                 if let Some(i) = points.iter().position(|p| !(p[0] + p[1]).is_finite()) {
                     return Some(format!("point {} of the table is not finite", i + 1));
                 }
-                let i = points
-                    .windows(2)
-                    .position(|pair| pair[1][0] <= pair[0][0])?;
+                let i = points.windows(2).position(|pair| pair[1][0] <= pair[0][0])?;
                 Some(format!(
                     "the table's times must increase: {} s (point {}) follows {} s",
                     points[i + 1][0],
@@ -121,10 +117,7 @@ impl Signal {
                 if values.iter().any(|value| !value.is_finite()) {
                     Some("the sine has a value that is not finite".into())
                 } else if sine.period_s <= 0.0 {
-                    Some(format!(
-                        "period_s is {}, it must be above zero",
-                        sine.period_s
-                    ))
+                    Some(format!("period_s is {}, it must be above zero", sine.period_s))
                 } else {
                     None
                 }
@@ -154,11 +147,7 @@ impl Signal {
 #[derive(Clone, Debug)]
 pub(super) enum Curve {
     /// Points with the spline's rates at them.
-    Table {
-        points: Vec<[f64; 2]>,
-        rates: Vec<f64>,
-        between: Between,
-    },
+    Table { points: Vec<[f64; 2]>, rates: Vec<f64>, between: Between },
     /// A sine.
     Sine(Sine),
 }
@@ -185,16 +174,9 @@ impl Curve {
             Self::Sine(sine) => {
                 let turn = std::f64::consts::TAU / sine.period_s;
                 let (sin, cos) = (turn * time_s + sine.phase_rad).sin_cos();
-                return [
-                    sine.offset + sine.amplitude * sin,
-                    sine.amplitude * turn * cos,
-                ];
+                return [sine.offset + sine.amplitude * sin, sine.amplitude * turn * cos];
             }
-            Self::Table {
-                points,
-                rates,
-                between,
-            } => (points, rates, *between),
+            Self::Table { points, rates, between } => (points, rates, *between),
         };
         let last = points.len() - 1;
         let after = points.partition_point(|point| point[0] <= time_s);
@@ -213,10 +195,7 @@ impl Curve {
             _ => (rise, rise),
         };
         let (bend, twist) = (3.0 * rise - 2.0 * m0 - m1, m0 + m1 - 2.0 * rise);
-        [
-            v0 + x * (m0 + x * (bend + x * twist)),
-            (m0 + x * (2.0 * bend + x * 3.0 * twist)) / h,
-        ]
+        [v0 + x * (m0 + x * (bend + x * twist)), (m0 + x * (2.0 * bend + x * 3.0 * twist)) / h]
     }
 }
 
@@ -278,11 +257,8 @@ mod tests {
     use super::*;
 
     fn table(points: &[[f64; 2]], between: Between) -> Curve {
-        Signal::Table(Table {
-            points: points.to_vec(),
-            between: Some(between),
-        })
-        .curve(Between::Hold)
+        Signal::Table(Table { points: points.to_vec(), between: Some(between) })
+            .curve(Between::Hold)
     }
 
     /// Through points of a cubic, unevenly spaced, the spline is that cubic.
@@ -311,10 +287,8 @@ mod tests {
             phase_rad: -std::f64::consts::FRAC_PI_2,
         };
         let truth = Signal::Sine(motion).curve(Between::Hold);
-        let points: Vec<_> = (0..=3000)
-            .map(|i| f64::from(i) * 1e-3)
-            .map(|t| [t, truth.value(t)])
-            .collect();
+        let points: Vec<_> =
+            (0..=3000).map(|i| f64::from(i) * 1e-3).map(|t| [t, truth.value(t)]).collect();
         let curve = table(&points, Between::Smooth);
         for i in 0..=29_999 {
             let t = f64::from(i) * 1e-4;
@@ -333,10 +307,7 @@ mod tests {
             at(Between::Straight),
             [[0.0, 0.0], [0.0, 4.0], [1.0, 4.0], [4.0, 4.0], [4.0, 0.0]]
         );
-        assert_eq!(
-            at(Between::Hold),
-            [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [4.0, 0.0], [4.0, 0.0]]
-        );
+        assert_eq!(at(Between::Hold), [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [4.0, 0.0], [4.0, 0.0]]);
         assert_eq!(table(&points, Between::Smooth).at(1.5), [2.0, 4.0]);
         assert_eq!(table(&[[0.0, 3.0]], Between::Smooth).at(0.0), [3.0, 0.0]);
     }

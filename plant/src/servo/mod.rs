@@ -70,10 +70,7 @@ impl Servo {
     /// effect when it ends, at once if that is past. The announcement may come before the end or
     /// after it, in the order of the pulses; more than four unfinished ones push out the oldest.
     pub fn pulse(&mut self, rising_edge_s: f64, width_us: f64) {
-        let pulse = Pulse {
-            end_s: rising_edge_s + 1e-6 * width_us,
-            width_us,
-        };
+        let pulse = Pulse { end_s: rising_edge_s + 1e-6 * width_us, width_us };
         match self.queue.iter_mut().find(|slot| slot.is_none()) {
             Some(slot) => *slot = Some(pulse),
             None => {
@@ -164,10 +161,7 @@ impl Servo {
             self.speed_rad_s = 0.0;
         }
         let half = 0.5 * self.model.backlash_rad;
-        let angle_rad = self
-            .crank
-            .angle_rad
-            .clamp(self.gear_rad - half, self.gear_rad + half);
+        let angle_rad = self.crank.angle_rad.clamp(self.gear_rad - half, self.gear_rad + half);
         let engaged = angle_rad != self.crank.angle_rad;
         self.crank = Crank::new(angle_rad, if engaged { self.speed_rad_s } else { 0.0 });
     }
@@ -300,14 +294,7 @@ mod tests {
 
     #[test]
     fn the_deadband_leaves_small_errors_alone() {
-        let mut servo = Servo::new(
-            ServoModel {
-                backlash_rad: 0.0,
-                ..ServoModel::S3003
-            },
-            0.0,
-            0.0,
-        );
+        let mut servo = Servo::new(ServoModel { backlash_rad: 0.0, ..ServoModel::S3003 }, 0.0, 0.0);
         assert_eq!(settle(&mut servo, 1521.0, 1.0), 0.0);
         assert_eq!(settle(&mut servo, 1518.0, 1.0), 0.0);
         assert!(settle(&mut servo, 1524.0, 1.0) > 0.0);
@@ -317,11 +304,7 @@ mod tests {
     #[test]
     fn backlash_is_a_play_operator() {
         // Without lag the position loop creeps up to its target and never passes it.
-        let model = ServoModel {
-            deadband_us: 0.0,
-            lag_s: 1e-6,
-            ..ServoModel::S3003
-        };
+        let model = ServoModel { deadband_us: 0.0, lag_s: 1e-6, ..ServoModel::S3003 };
         let mut servo = Servo::new(model, 0.0, 0.0);
         let from_below = settle(&mut servo, 1720.0, 1.0);
         settle(&mut servo, 1900.0, 1.0);
@@ -350,14 +333,7 @@ mod tests {
         assert_eq!(hold.crank().angle_rad, held);
 
         let signal_loss = SignalLoss::Limp { after_s: 0.1 };
-        let mut limp = Servo::new(
-            ServoModel {
-                signal_loss,
-                ..ServoModel::S3003
-            },
-            0.0,
-            0.0,
-        );
+        let mut limp = Servo::new(ServoModel { signal_loss, ..ServoModel::S3003 }, 0.0, 0.0);
         settle(&mut limp, 1620.0, 0.5);
         limp.advance(0.55, -0.1);
         assert!((limp.crank().angle_rad - held).abs() < 1e-12);

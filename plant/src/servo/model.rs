@@ -67,11 +67,8 @@ impl ServoModel {
     };
 
     /// The same at 5 V: 0.22 s for 60 deg, 0.33 N m.
-    pub const S3003_5V: Self = Self {
-        speed_rad_s: std::f64::consts::FRAC_PI_3 / 0.22,
-        stall_n_m: 0.33,
-        ..Self::S3003
-    };
+    pub const S3003_5V: Self =
+        Self { speed_rad_s: std::f64::consts::FRAC_PI_3 / 0.22, stall_n_m: 0.33, ..Self::S3003 };
 
     /// A fast digital servo for frames of 3 ms: 0.12 s for 60 deg.
     pub const DIGITAL: Self = Self {
@@ -84,11 +81,8 @@ impl ServoModel {
     };
 
     /// The presets and their names.
-    pub(crate) const PRESETS: [(&'static str, Self); 3] = [
-        ("S3003", Self::S3003),
-        ("S3003_5V", Self::S3003_5V),
-        ("DIGITAL", Self::DIGITAL),
-    ];
+    pub(crate) const PRESETS: [(&'static str, Self); 3] =
+        [("S3003", Self::S3003), ("S3003_5V", Self::S3003_5V), ("DIGITAL", Self::DIGITAL)];
 
     /// Checks that every constant is finite and in range.
     ///
@@ -112,20 +106,13 @@ impl ServoModel {
     /// is `width_us`, and `error_rad` off that.
     pub fn fitted(self, width_us: f64, crank_rad: f64, error_rad: f64) -> Self {
         let shaft_rad = (width_us - self.centre_us) / self.us_per_rad;
-        Self {
-            horn_rad: crank_rad - shaft_rad + error_rad,
-            ..self
-        }
+        Self { horn_rad: crank_rad - shaft_rad + error_rad, ..self }
     }
 
     /// The same servo at a share (above zero) of its supply: speed without load and stall torque of
     /// a DC motor are proportional to the voltage.
     pub fn supplied(self, share: f64) -> Self {
-        Self {
-            speed_rad_s: self.speed_rad_s * share,
-            stall_n_m: self.stall_n_m * share,
-            ..self
-        }
+        Self { speed_rad_s: self.speed_rad_s * share, stall_n_m: self.stall_n_m * share, ..self }
     }
 
     /// Crank angle that a pulse width (us) asks for, in rad, travel and resolution left out.

@@ -123,18 +123,12 @@ fn follow_one_axis(one_axis: Parameters, axis: usize) {
             (rates[1 - axis], planar.rate_rad_s()),
             (rates[axis], 0.0),
             (rates[2], 0.0),
-            (
-                accelerations[1 - axis],
-                planar.acceleration_rad_s2(cranks_rad_s2[axis]),
-            ),
+            (accelerations[1 - axis], planar.acceleration_rad_s2(cranks_rad_s2[axis])),
             (accelerations[axis], 0.0),
             (torques[axis], planar.hinge_torque_n_m()),
             (both.rudder_rad()[axis], planar.rudder_rad()),
         ] {
-            assert!(
-                (found - expected).abs() < 1e-10,
-                "{axis}, {step}: {found} {expected}"
-            );
+            assert!((found - expected).abs() < 1e-10, "{axis}, {step}: {found} {expected}");
         }
     }
 }
@@ -150,11 +144,7 @@ fn one_axis_that_moves_is_the_one_axis_drone_about_either_axis() {
 #[test]
 fn energy_is_kept_without_thrust_and_momentum_without_weight_and_thrust() {
     let tumbling = [1.5, -0.7, 2.0];
-    let hung = Parameters {
-        thrust_n: 0.0,
-        body_cm_m: [0.01, -0.05],
-        ..Parameters::PHYS
-    };
+    let hung = Parameters { thrust_n: 0.0, body_cm_m: [0.01, -0.05], ..Parameters::PHYS };
     let mut falling =
         drone(&TwoAxisParameters::of(hung), 0.5, -0.3, tumbling).with_tether_stop(f64::INFINITY);
     let cranks = falling.cranks();
@@ -163,26 +153,16 @@ fn energy_is_kept_without_thrust_and_momentum_without_weight_and_thrust() {
     for _ in 0..10_000 {
         falling.step(STEP_S, cranks);
     }
-    assert!(
-        (sum(&falling) - before).abs() < 1e-8,
-        "{}",
-        sum(&falling) - before
-    );
+    assert!((sum(&falling) - before).abs() < 1e-8, "{}", sum(&falling) - before);
 
-    let weightless = Parameters {
-        gravity_m_s2: 0.0,
-        ..hung
-    };
+    let weightless = Parameters { gravity_m_s2: 0.0, ..hung };
     let mut drifting = drone(&TwoAxisParameters::of(weightless), 0.5, -0.3, tumbling)
         .with_tether_stop(f64::INFINITY);
     let before = Vector3::from(drifting.momentum_kg_m2_s());
     let zero_rad = cranks[0].angle_rad;
     for step in 1..=10_000 {
         let time_s = f64::from(step) * STEP_S;
-        drifting.step(
-            STEP_S,
-            [swing(zero_rad, time_s), swing(zero_rad, 1.3 * time_s)],
-        );
+        drifting.step(STEP_S, [swing(zero_rad, time_s), swing(zero_rad, 1.3 * time_s)]);
     }
     let after = Vector3::from(drifting.momentum_kg_m2_s());
     assert!((after - before).norm() < 1e-8, "{after} {before}");
@@ -197,10 +177,7 @@ fn the_momentum_is_that_of_the_bodies_as_points_that_move() {
     let start = drone(&two, 0.3, -0.5, [0.8, -1.1, 0.6]);
     let mechanism = start.mechanism().clone();
     let zero_rad = start.cranks()[0].angle_rad;
-    let cranks = [
-        Crank::new(zero_rad + 0.2, 3.0),
-        Crank::new(zero_rad - 0.4, -2.0),
-    ];
+    let cranks = [Crank::new(zero_rad + 0.2, 3.0), Crank::new(zero_rad - 0.4, -2.0)];
     let mut moved = start.clone();
     moved.place_cranks(cranks.map(|crank| crank.angle_rad));
     moved.cranks = cranks;
@@ -213,24 +190,14 @@ fn the_momentum_is_that_of_the_bodies_as_points_that_move() {
         let rudder = nalgebra::Vector2::from(one_axis.rudder_axis_m);
         let p = &one_axis;
         let rods = [
-            (
-                p.crank_mass_kg,
-                p.crank_inertia_kg_m2,
-                servo + p.crank_cm_m * u1,
-                u1,
-            ),
+            (p.crank_mass_kg, p.crank_inertia_kg_m2, servo + p.crank_cm_m * u1, u1),
             (
                 p.link_mass_kg,
                 p.link_inertia_kg_m2,
                 servo + p.crank_length_m * u1 + 0.5 * p.link_length_m * u2,
                 u2,
             ),
-            (
-                p.rudder_mass_kg,
-                p.rudder_inertia_kg_m2,
-                rudder + p.rudder_cm_m * u3,
-                u3,
-            ),
+            (p.rudder_mass_kg, p.rudder_inertia_kg_m2, rudder + p.rudder_cm_m * u3, u3),
         ];
         let body = |v: nalgebra::Vector2<f64>| {
             [Vector3::new(v.x, 0.0, -v.y), Vector3::new(0.0, -v.x, -v.y)][axis]
@@ -251,10 +218,7 @@ fn the_momentum_is_that_of_the_bodies_as_points_that_move() {
         let place = |time_s: f64| {
             let crank = cranks[axis];
             let places = points(axis, crank.angle_rad + crank.rate_rad_s * time_s);
-            places
-                .into_iter()
-                .map(|(mass, at)| (mass, turned(time_s) * at))
-                .collect::<Vec<_>>()
+            places.into_iter().map(|(mass, at)| (mass, turned(time_s) * at)).collect::<Vec<_>>()
         };
         for ((mass, before), (_, after)) in place(-h).into_iter().zip(place(h)) {
             momentum += mass * (0.5 * (before + after)).cross(&((after - before) / (2.0 * h)));
@@ -267,10 +231,7 @@ fn the_momentum_is_that_of_the_bodies_as_points_that_move() {
 #[test]
 fn spin_is_free_held_or_driven() {
     let flown = |spin| {
-        let parameters = TwoAxisParameters {
-            spin,
-            ..TwoAxisParameters::of(Parameters::PHYS)
-        };
+        let parameters = TwoAxisParameters { spin, ..TwoAxisParameters::of(Parameters::PHYS) };
         let mut drone = drone(&parameters, 0.3, 0.0, [0.0, 0.0, 1.0]);
         let cranks = drone.cranks();
         for _ in 0..1000 {
@@ -286,10 +247,7 @@ fn spin_is_free_held_or_driven() {
 
 #[test]
 fn friction_slows_a_spin_and_a_spin_that_is_held_keeps_its_momentum() {
-    let parameters = TwoAxisParameters {
-        spin_friction_n_m_s: 0.03,
-        ..TwoAxisParameters::PHYS
-    };
+    let parameters = TwoAxisParameters { spin_friction_n_m_s: 0.03, ..TwoAxisParameters::PHYS };
     let mut slowed = drone(&parameters, 0.0, 0.0, [0.0, 0.0, 1.0]);
     let cranks = slowed.cranks();
     for _ in 0..2000 {
@@ -299,10 +257,7 @@ fn friction_slows_a_spin_and_a_spin_that_is_held_keeps_its_momentum() {
     let expected = (-1.0_f64).exp();
     assert!((slowed.rates_rad_s()[2] - expected).abs() < 1e-4);
 
-    let parameters = TwoAxisParameters {
-        spin: Spin::Held,
-        ..TwoAxisParameters::PHYS
-    };
+    let parameters = TwoAxisParameters { spin: Spin::Held, ..TwoAxisParameters::PHYS };
     let mut held = drone(&parameters, 0.4, 0.1, [0.5, 0.2, 1.0]);
     for _ in 0..500 {
         held.step(STEP_S, cranks);
@@ -320,13 +275,7 @@ fn the_tilt_is_the_reduced_attitude() {
         let drone = TwoAxisDrone::new(&TwoAxisParameters::PHYS, attitude, [0.0; 3]).unwrap();
         (drone.tilt_rad(), drone.at_stop())
     };
-    for (pitch, roll) in [
-        (0.0, 0.0),
-        (1e-12, -2e-12),
-        (-1e-200, 0.0),
-        (0.9, -0.7),
-        (-3.0, 0.5),
-    ] {
+    for (pitch, roll) in [(0.0, 0.0), (1e-12, -2e-12), (-1e-200, 0.0), (0.9, -0.7), (-3.0, 0.5)] {
         let ([found_pitch, found_roll], _) = tilt(attitude(pitch, roll, 0.8));
         assert!((found_pitch - pitch).abs() < 1e-12 && (found_roll - roll).abs() < 1e-12);
     }
@@ -355,10 +304,7 @@ fn rotors_that_do_not_cancel_turn_a_motion_aside() {
     let [_, pitch_rate, _] = drone.rates_rad_s();
     // dH_y/dt = -(w x h)_y = w_x h.
     let expected = 0.5 * 0.02 / drone.shape.inertia[(1, 1)] * STEP_S;
-    assert!(
-        (pitch_rate - expected).abs() < 1e-3 * expected,
-        "{pitch_rate} {expected}"
-    );
+    assert!((pitch_rate - expected).abs() < 1e-3 * expected, "{pitch_rate} {expected}");
 }
 
 #[test]
@@ -411,51 +357,18 @@ fn the_heading_does_not_matter() {
 fn impossible_figures_are_named() {
     let good = TwoAxisParameters::of(Parameters::PHYS);
     for (bad, name) in [
+        (TwoAxisParameters { axial_inertia_kg_m2: 0.0, ..good }, "axial_inertia_kg_m2"),
+        (TwoAxisParameters { axial_inertia_kg_m2: 1e-5, ..good }, "axial_inertia_kg_m2"),
+        (TwoAxisParameters { spin_friction_n_m_s: -1e-3, ..good }, "spin_friction_n_m_s"),
+        (TwoAxisParameters { lateral_cm_m: f64::INFINITY, ..good }, "lateral_cm_m"),
         (
             TwoAxisParameters {
-                axial_inertia_kg_m2: 0.0,
-                ..good
-            },
-            "axial_inertia_kg_m2",
-        ),
-        (
-            TwoAxisParameters {
-                axial_inertia_kg_m2: 1e-5,
-                ..good
-            },
-            "axial_inertia_kg_m2",
-        ),
-        (
-            TwoAxisParameters {
-                spin_friction_n_m_s: -1e-3,
-                ..good
-            },
-            "spin_friction_n_m_s",
-        ),
-        (
-            TwoAxisParameters {
-                lateral_cm_m: f64::INFINITY,
-                ..good
-            },
-            "lateral_cm_m",
-        ),
-        (
-            TwoAxisParameters {
-                one_axis: Parameters {
-                    link_mass_kg: 0.0,
-                    ..Parameters::PHYS
-                },
+                one_axis: Parameters { link_mass_kg: 0.0, ..Parameters::PHYS },
                 ..good
             },
             "link_mass_kg",
         ),
-        (
-            TwoAxisParameters {
-                spin: Spin::Moment(f64::NAN),
-                ..good
-            },
-            "spin_moment_n_m",
-        ),
+        (TwoAxisParameters { spin: Spin::Moment(f64::NAN), ..good }, "spin_moment_n_m"),
     ] {
         let error = TwoAxisDrone::new(&bad, UnitQuaternion::identity(), [0.0; 3]).unwrap_err();
         assert!(error.to_string().contains(name), "{error}");
@@ -466,15 +379,8 @@ fn impossible_figures_are_named() {
 #[test]
 fn parameters_come_from_text_and_go_to_it() {
     for spin in [Spin::Free, Spin::Held, Spin::Moment(0.02)] {
-        let parameters = TwoAxisParameters {
-            spin,
-            ..TwoAxisParameters::PHYS
-        };
+        let parameters = TwoAxisParameters { spin, ..TwoAxisParameters::PHYS };
         let text = toml::to_string(&parameters).unwrap();
-        assert_eq!(
-            toml::from_str::<TwoAxisParameters>(&text).unwrap(),
-            parameters,
-            "{text}"
-        );
+        assert_eq!(toml::from_str::<TwoAxisParameters>(&text).unwrap(), parameters, "{text}");
     }
 }

@@ -10,11 +10,7 @@ use proptest::prelude::*;
 /// A reference file's rows, by column name.
 fn read(name: &str) -> Vec<std::collections::HashMap<String, f64>> {
     let path = format!("{}/tests/data/{name}", env!("CARGO_MANIFEST_DIR"));
-    csv::Reader::from_path(path)
-        .unwrap()
-        .deserialize()
-        .map(Result::unwrap)
-        .collect()
+    csv::Reader::from_path(path).unwrap().deserialize().map(Result::unwrap).collect()
 }
 
 /// Random states with all fourteen unknowns, to 1e-9 relative.
@@ -50,10 +46,7 @@ fn newton_euler_matches_the_reference_states() {
         }
         for (i, value) in solution.accelerations_rad_s2.into_iter().enumerate() {
             let expected = row[&format!("t{i}dd")];
-            assert!(
-                (value - expected).abs() < 1e-9 * expected.abs(),
-                "t{i}dd: {value} {expected}"
-            );
+            assert!((value - expected).abs() < 1e-9 * expected.abs(), "t{i}dd: {value} {expected}");
         }
         let reduced = mechanism.accelerations(&state, row["tau"]);
         assert!((reduced[0] - row["t0dd"]).abs() < 1e-9 * row["t0dd"].abs());
@@ -94,23 +87,14 @@ fn times(rows: &[std::collections::HashMap<String, f64>]) -> Vec<f64> {
 /// Body 0 balanced by itself: the whole is a pendulum, the crank swings on the link's weight.
 #[test]
 fn gravity_only_is_a_pendulum() {
-    let p = Parameters {
-        body_cm_m: [0.0, 0.0],
-        gravity_m_s2: 9.8,
-        thrust_n: 0.0,
-        ..Parameters::PHYS
-    };
+    let p =
+        Parameters { body_cm_m: [0.0, 0.0], gravity_m_s2: 9.8, thrust_n: 0.0, ..Parameters::PHYS };
     let mechanism = Mechanism::new(&p).unwrap();
     let rows = read("gravity_only_pendulum.csv");
     assert_eq!(rows.len(), 101);
     let start = [0.2, mechanism.linkage().zero_rudder_crank_rad(), 0.0, 0.0];
     let states = Adaptive::default()
-        .sample(
-            |_, x| mechanism.derivative(x, 0.0),
-            &times(&rows),
-            [],
-            start,
-        )
+        .sample(|_, x| mechanism.derivative(x, 0.0), &times(&rows), [], start)
         .unwrap();
     for (row, state) in rows.iter().zip(states) {
         let at = mechanism.linkage().at(state[1]);
@@ -122,11 +106,7 @@ fn gravity_only_is_a_pendulum() {
             ("w0", state[2]),
             ("w1", state[3]),
         ] {
-            assert!(
-                (value - row[name]).abs() < 1e-6,
-                "{name} at {}: {value}",
-                row["t"]
-            );
+            assert!((value - row[name]).abs() < 1e-6, "{name} at {}: {value}", row["t"]);
         }
     }
 }
@@ -142,28 +122,15 @@ fn pd_with_an_ideal_servo() {
         let command = zero + x[0] + 0.3 * x[2];
         let crank = 900.0 * (command - x[1]) - 60.0 * x[3];
         let state = State::from_array(*x);
-        [
-            x[2],
-            x[3],
-            mechanism.pitch_acceleration(&state, crank, 0.0),
-            crank,
-        ]
+        [x[2], x[3], mechanism.pitch_acceleration(&state, crank, 0.0), crank]
     };
-    let states = Adaptive::default()
-        .sample(derivative, &times(&rows), [], [0.2, zero, 0.2, 0.0])
-        .unwrap();
+    let states =
+        Adaptive::default().sample(derivative, &times(&rows), [], [0.2, zero, 0.2, 0.0]).unwrap();
     for (row, state) in rows.iter().zip(states) {
-        for (name, value) in [
-            ("theta0", state[0]),
-            ("theta1", state[1]),
-            ("w0", state[2]),
-            ("w1", state[3]),
-        ] {
-            assert!(
-                (value - row[name]).abs() < 1e-7,
-                "{name} at {}: {value}",
-                row["t"]
-            );
+        for (name, value) in
+            [("theta0", state[0]), ("theta1", state[1]), ("w0", state[2]), ("w1", state[3])]
+        {
+            assert!((value - row[name]).abs() < 1e-7, "{name} at {}: {value}", row["t"]);
         }
     }
 }

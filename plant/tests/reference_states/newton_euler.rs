@@ -84,20 +84,12 @@ fn equations(mechanism: &Mechanism, state: &State, torque_n_m: f64) -> (Matrix, 
     let u1 = turn(at.crank_rad, 0.0, 1.0);
     let u2 = turn(at.link_rad, -1.0, 0.0);
     let u3 = turn(at.rudder_rad, 0.0, 1.0);
-    let (r_o, r_c) = (
-        Planar::from(p.servo_axis_m()),
-        Planar::from(p.rudder_axis_m),
-    );
+    let (r_o, r_c) = (Planar::from(p.servo_axis_m()), Planar::from(p.rudder_axis_m));
     let (r0, thrust_at) = (Planar::from(p.body_cm_m), Planar::from(p.thrust_point_m));
     let (q1, q3) = (p.crank_cm_m * u1, p.rudder_cm_m * u3);
     let (a1, a2) = (p.crank_length_m * u1, 0.5 * p.link_length_m * u2);
     let arm = p.arm_length_m * u3;
-    let [m0, m1, m2, m3] = [
-        p.body_mass_kg,
-        p.crank_mass_kg,
-        p.link_mass_kg,
-        p.rudder_mass_kg,
-    ];
+    let [m0, m1, m2, m3] = [p.body_mass_kg, p.crank_mass_kg, p.link_mass_kg, p.rudder_mass_kg];
     let (sin, cos) = state.pitch_rad.sin_cos();
     let gravity = -p.gravity_m_s2 * Planar::new(sin, cos);
     let thrust = Planar::new(0.0, p.thrust_n);
@@ -130,11 +122,8 @@ fn equations(mechanism: &Mechanism, state: &State, torque_n_m: f64) -> (Matrix, 
     system.load(6, -m3 * (w00 * r_c + w3 * q3 + gravity) - wash_force);
 
     // Euler: moments about each centre of mass.
-    let (b0, b1, b3) = (
-        p.pivot_friction_n_m_s * w0,
-        p.crank_friction_n_m_s * v1,
-        p.rudder_friction_n_m_s * v3,
-    );
+    let (b0, b1, b3) =
+        (p.pivot_friction_n_m_s * w0, p.crank_friction_n_m_s * v1, p.rudder_friction_n_m_s * v3);
     system.moment(8, D, -r0);
     system.moment(8, O, -(r_o - r0));
     system.moment(8, C, -(r_c - r0));
@@ -162,9 +151,8 @@ fn equations(mechanism: &Mechanism, state: &State, torque_n_m: f64) -> (Matrix, 
         system.matrix[(12, ACC + column)] = turned.x;
         system.matrix[(13, ACC + column)] = turned.y;
     }
-    let gamma = mechanism
-        .linkage()
-        .centripetal([at.crank_rad, at.link_rad, at.rudder_rad], [v1, v2, v3]);
+    let gamma =
+        mechanism.linkage().centripetal([at.crank_rad, at.link_rad, at.rudder_rad], [v1, v2, v3]);
     system.right[12] = gamma[0];
     system.right[13] = gamma[1];
     (system.matrix, system.right)

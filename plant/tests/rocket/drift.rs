@@ -19,11 +19,7 @@ fn worst_against(
     let flight = table.at(start_s);
     let mut angle_rad = [0.0; 2];
     angle_rad[axis] = error;
-    let first = Attitude {
-        time_s: start_s,
-        angle_rad,
-        rate_rad_s: [0.0; 2],
-    };
+    let first = Attitude { time_s: start_s, angle_rad, rate_rad_s: [0.0; 2] };
     let law = |attitude: &Attitude| {
         let gains = table.at(attitude.time_s).gains(3.0, 0.8);
         [0, 1].map(|i| gains.kp * attitude.angle_rad[i] + gains.kd * attitude.rate_rad_s[i])

@@ -15,10 +15,8 @@ const DAMPING: f64 = 0.8;
 const TABLE_S: [f64; 10] = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0];
 const STEPS_S: [f64; 5] = [0.0, 20.0, 37.0, 60.0, 84.0];
 /// Errors of pitch and yaw at a step, in rad: unequal, so that the axes can be told apart.
-const ERRORS_RAD: [f64; 2] = [
-    5.0 * std::f64::consts::PI / 180.0,
-    -3.0 * std::f64::consts::PI / 180.0,
-];
+const ERRORS_RAD: [f64; 2] =
+    [5.0 * std::f64::consts::PI / 180.0, -3.0 * std::f64::consts::PI / 180.0];
 /// Length of a step response, in s.
 const SECONDS: f64 = 4.0;
 /// Period of the controller, in s.
@@ -29,11 +27,7 @@ fn config(rocket: &Rocket, time_s: f64) -> Config {
     let gains = rocket.at(time_s).gains(NATURAL_RAD_S, DAMPING);
     let limit = rocket.parameters().gimbal_limit_rad as f32;
     Config {
-        gains: Gains {
-            kp: gains.kp as f32,
-            ki: 0.0,
-            kd: gains.kd as f32,
-        },
+        gains: Gains { kp: gains.kp as f32, ki: 0.0, kd: gains.kd as f32 },
         limit: -limit..=limit,
         ..Config::new(PERIOD_S)
     }
@@ -47,11 +41,7 @@ fn step(rocket: &Rocket, time_s: f64, scheduled: bool) -> [StepResponse; 2] {
     let lift_off = config(rocket, 0.0);
     let pid = Controller::<f32, Pid<f32>>::new(&lift_off).unwrap();
     let mut axes = [pid.clone(), pid];
-    let start = two_axes::Attitude {
-        time_s,
-        angle_rad: ERRORS_RAD,
-        rate_rad_s: [0.0; 2],
-    };
+    let start = two_axes::Attitude { time_s, angle_rad: ERRORS_RAD, rate_rad_s: [0.0; 2] };
     let samples = two_axes::fly(rocket, start, SECONDS, |attitude, _| {
         if let (true, Some(coefficients)) = (scheduled, schedule.at(attitude.time_s as f32)) {
             for pid in &mut axes {
@@ -73,20 +63,16 @@ fn step(rocket: &Rocket, time_s: f64, scheduled: bool) -> [StepResponse; 2] {
 
 #[test]
 fn the_schedule_keeps_the_response_through_the_burn() {
-    for (parameters, most_pct) in [
-        (RocketParameters::SPICA, 1.25),
-        (RocketParameters::SPICA_UNSTABLE, 1.7),
-    ] {
+    for (parameters, most_pct) in
+        [(RocketParameters::SPICA, 1.25), (RocketParameters::SPICA_UNSTABLE, 1.7)]
+    {
         let rocket = Rocket::new(&parameters).unwrap();
         for time_s in STEPS_S {
             // Pitch and yaw, from errors of unlike size and sign, respond alike.
             for response in step(&rocket, time_s, true) {
                 assert!(response.overshoot_pct() < most_pct, "{time_s} s");
                 let settling_s = response.settling_s(0.05).unwrap();
-                assert!(
-                    (settling_s - 1.11).abs() < 0.04,
-                    "{time_s} s: {settling_s} s"
-                );
+                assert!((settling_s - 1.11).abs() < 0.04, "{time_s} s: {settling_s} s");
             }
         }
         // The gains of lift-off are not good for the whole burn.
@@ -94,10 +80,7 @@ fn the_schedule_keeps_the_response_through_the_burn() {
             let [pitch, _] = step(&rocket, time_s, false);
             pitch.settling_s(0.05).unwrap_or(f64::INFINITY)
         });
-        assert!(
-            of_lift_off.into_iter().fold(0.0, f64::max) > 1.3,
-            "{of_lift_off:?}"
-        );
+        assert!(of_lift_off.into_iter().fold(0.0, f64::max) > 1.3, "{of_lift_off:?}");
     }
 }
 

@@ -65,11 +65,7 @@ fn respond(
     error_rad: f64,
     gains: impl Fn(&Flight) -> Gains,
 ) -> StepResponse {
-    let start = Attitude {
-        time_s,
-        angle_rad: [error_rad, 0.0],
-        rate_rad_s: [0.0; 2],
-    };
+    let start = Attitude { time_s, angle_rad: [error_rad, 0.0], rate_rad_s: [0.0; 2] };
     let samples = fly(rocket, start, 4.0, |at, flight| command(gains(flight), at));
     let trace = samples.iter().map(|(at, _)| (at.time_s, at.angle_rad[0]));
     StepResponse::new(trace, 0.0).unwrap()
@@ -105,11 +101,7 @@ fn responses_through_the_burn() {
 /// Both axes are the same and do not mix; the gimbal keeps its limits.
 #[test]
 fn axes_are_independent_and_limited() {
-    let start = Attitude {
-        time_s: 10.0,
-        angle_rad: [0.3, -0.3],
-        rate_rad_s: [0.0; 2],
-    };
+    let start = Attitude { time_s: 10.0, angle_rad: [0.3, -0.3], rate_rad_s: [0.0; 2] };
     let p = RocketParameters::SPICA;
     let rocket = Rocket::new(&p).unwrap();
     let samples = fly(&rocket, start, 3.0, |at, f| command(f.gains(3.0, 0.8), at));

@@ -52,19 +52,12 @@ struct Checks(Vec<Check>);
 
 impl Checks {
     fn of<const N: usize>(&mut self, figure: Option<&'static str>, numbers: [Check; N]) {
-        self.0
-            .extend(numbers.map(|number| Check { figure, ..number }));
+        self.0.extend(numbers.map(|number| Check { figure, ..number }));
     }
 }
 
 fn number(name: &'static str, value: f64) -> Check {
-    Check {
-        figure: None,
-        name,
-        value,
-        low: f64::NEG_INFINITY,
-        high: f64::INFINITY,
-    }
+    Check { figure: None, name, value, low: f64::NEG_INFINITY, high: f64::INFINITY }
 }
 
 impl Check {
@@ -221,16 +214,10 @@ fn loads(checks: &mut Checks, runs: &Runs) {
     checks.of(
         Some("5.13"),
         [
-            number(
-                "thrust and 0.1 N m: crank settles at rad",
-                end(&runs.torque).theta1,
-            )
-            .near(0.263, 2e-3),
-            number(
-                "thrust and 0.1 N m: pitch after 2 s, rad",
-                end(&runs.torque).theta0,
-            )
-            .near(-16.29, 0.05),
+            number("thrust and 0.1 N m: crank settles at rad", end(&runs.torque).theta1)
+                .near(0.263, 2e-3),
+            number("thrust and 0.1 N m: pitch after 2 s, rad", end(&runs.torque).theta0)
+                .near(-16.29, 0.05),
             number(
                 "thrust and 6 V against a stop at 0.8 rad: crank touches rad",
                 top(&runs.stopped, |r| r.theta1),
@@ -297,11 +284,8 @@ fn balances(checks: &mut Checks, runs: &Runs) {
                 momentum(&runs.driven, driven),
             )
             .at_most(1e-9),
-            number(
-                "14 Newton-Euler equations against the reduced form, relative",
-                apart,
-            )
-            .at_most(1e-9),
+            number("14 Newton-Euler equations against the reduced form, relative", apart)
+                .at_most(1e-9),
         ],
     );
 }

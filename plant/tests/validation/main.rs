@@ -12,15 +12,9 @@ mod runs;
 fn every_check_holds_and_stands_in_the_document() {
     let checks = checks::all(&runs::Runs::new());
     let table: String = checks.iter().map(checks::Check::row).collect();
-    let failed: Vec<_> = checks
-        .iter()
-        .filter(|check| !check.holds())
-        .map(checks::Check::row)
-        .collect();
+    let failed: Vec<_> =
+        checks.iter().filter(|check| !check.holds()).map(checks::Check::row).collect();
     assert!(failed.is_empty(), "{}", failed.concat());
     let document = include_str!("../../../docs/explanation/model.md");
-    assert!(
-        document.contains(&table),
-        "docs/explanation/model.md is to have these rows:\n{table}"
-    );
+    assert!(document.contains(&table), "docs/explanation/model.md is to have these rows:\n{table}");
 }

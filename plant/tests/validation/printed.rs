@@ -15,10 +15,7 @@ fn printed_centripetal(p: &Parameters, angles: [f64; 3], rates: [f64; 3]) -> [f6
     let [(s1, c1), (s2, c2), (s3, c3)] = angles.map(f64::sin_cos);
     let [v1, v2, v3] = rates.map(|v| v * v);
     let (l1, l2, l3) = (p.crank_length_m, p.link_length_m, p.arm_length_m);
-    [
-        l1 * s1 * v1 + l2 * c2 * v2 + l3 * s3 * v3,
-        -l1 * c1 * v1 + l2 * s2 * v2 + l3 * c3 * v3,
-    ]
+    [l1 * s1 * v1 + l2 * c2 * v2 + l3 * s3 * v3, -l1 * c1 * v1 + l2 * s2 * v2 + l3 * c3 * v3]
 }
 
 /// The deviations that have a number of their own, for the recommended drone.
@@ -33,10 +30,8 @@ fn deviations(mechanism: &Mechanism) -> Vec<Deviation> {
     let angles = [crank, at.link_rad, at.rudder_rad];
     let rates = [rate, at.link_ratio * rate, at.rudder_ratio * rate];
     let slave = |gamma: [f64; 2]| {
-        let ((s2, c2), det) = (
-            at.link_rad.sin_cos(),
-            p.arm_length_m * (at.link_rad - at.rudder_rad).cos(),
-        );
+        let ((s2, c2), det) =
+            (at.link_rad.sin_cos(), p.arm_length_m * (at.link_rad - at.rudder_rad).cos());
         (c2 * gamma[0] + s2 * gamma[1]) / det
     };
 
@@ -50,10 +45,7 @@ fn deviations(mechanism: &Mechanism) -> Vec<Deviation> {
             right: p.gravity_m_s2 * still.first_moment[0],
         },
         // The wash's force is multiplied by its lever in a force row: N m for a radian of rudder.
-        Deviation {
-            printed: drop * drop * p.thrust_n,
-            right: drop * p.thrust_n,
-        },
+        Deviation { printed: drop * drop * p.thrust_n, right: drop * p.thrust_n },
         // Signs of the constraint's centripetal terms: rudder acceleration, rad/s2.
         Deviation {
             printed: slave(printed_centripetal(p, angles, rates)),

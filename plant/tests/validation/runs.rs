@@ -48,12 +48,8 @@ impl Runs {
                 "seconds = 5\n[drone]\nthrust_n = 0\n{drone}\n[start]\npitch_rad = {pitch}"
             ))
         };
-        let coasting = Parameters {
-            thrust_n: 0.0,
-            crank_cm_m: 0.01,
-            rudder_cm_m: -0.02,
-            ..Parameters::PHYS
-        };
+        let coasting =
+            Parameters { thrust_n: 0.0, crank_cm_m: 0.01, rudder_cm_m: -0.02, ..Parameters::PHYS };
         let driven = Parameters {
             thrust_n: 30.0,
             pivot_friction_n_m_s: 0.01,
@@ -95,12 +91,8 @@ fn scenario(text: &str) -> Vec<Row> {
 /// A tumble over 5 s under a servo torque (N m) over time, the work of all loads but gravity and
 /// the impulse of all moments integrated beside the motion.
 fn account(mechanism: &Mechanism, torque: impl Fn(f64) -> f64) -> Vec<Instant> {
-    let start = State {
-        pitch_rad: 0.4,
-        crank_rad: -0.3,
-        pitch_rate_rad_s: 1.5,
-        crank_rate_rad_s: -4.0,
-    };
+    let start =
+        State { pitch_rad: 0.4, crank_rad: -0.3, pitch_rate_rad_s: 1.5, crank_rate_rad_s: -4.0 };
     let [th0, th1, w0, v1] = start.to_array();
     let slope = |time: f64, &[th0, th1, w0, v1, _, _]: &[f64; 6]| {
         let state = State::from_array([th0, th1, w0, v1]);
@@ -112,14 +104,7 @@ fn account(mechanism: &Mechanism, torque: impl Fn(f64) -> f64) -> Vec<Instant> {
         let friction = p.pivot_friction_n_m_s * w0 * w0
             + (p.crank_friction_n_m_s + p.rudder_friction_n_m_s * g3 * g3) * v1 * v1;
         let power = at.thrust_moment * w0 + (at.wash_torque + torque) * v1 - friction;
-        [
-            w0,
-            v1,
-            pitch,
-            crank,
-            power,
-            mechanism.pitch_load(&at, th0, w0),
-        ]
+        [w0, v1, pitch, crank, power, mechanism.pitch_load(&at, th0, w0)]
     };
     let times: Vec<f64> = (0..=1000).map(|i| f64::from(i) * DT_S).collect();
     let states = Adaptive::default().sample(slope, &times, [], [th0, th1, w0, v1, 0.0, 0.0]);

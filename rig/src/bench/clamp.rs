@@ -22,11 +22,7 @@ impl Clamp {
     /// Closes on the drone at this tilt, rad.
     pub(super) fn closed(drone: &mut Vehicle, tilt_rad: [f64; Axis::COUNT]) -> Self {
         drone.clamp(tilt_rad);
-        Self {
-            held_rad: tilt_rad,
-            wanted_rad: tilt_rad,
-            released: None,
-        }
+        Self { held_rad: tilt_rad, wanted_rad: tilt_rad, released: None }
     }
 
     /// Begins to tilt a held drone to this, rad.

@@ -54,10 +54,9 @@ impl Disturbances {
                 rate_dps: Some(vibration.rate_rad_s().to_degrees()),
                 ..vibration
             }),
-            servo_supply: self.servo_supply.map(|sag| SupplySag {
-                stall_volts: Some(sag.stall_volts()),
-                ..sag
-            }),
+            servo_supply: self
+                .servo_supply
+                .map(|sag| SupplySag { stall_volts: Some(sag.stall_volts()), ..sag }),
             ..*self
         })
     }
@@ -102,10 +101,7 @@ impl Disturbances {
             let how = format!("{from_c} to {to_c} C in {seconds} s, {drift:.3} deg/s/K");
             ("sensor temperature", how)
         });
-        [vibration, supply, ramp, temperature]
-            .into_iter()
-            .flatten()
-            .collect()
+        [vibration, supply, ramp, temperature].into_iter().flatten().collect()
     }
 }
 
@@ -160,10 +156,7 @@ impl Vibration {
         within(0.0..=20.0, self.wander_pct, why)?;
         let highest_hz =
             self.frequency_hz * f64::from(1 + self.harmonics) * (1.0 + self.wander_pct / 100.0);
-        let why = format!(
-            "the highest line of a vibration has at most {} Hz",
-            Self::HIGHEST_HZ
-        );
+        let why = format!("the highest line of a vibration has at most {} Hz", Self::HIGHEST_HZ);
         within(0.0..=Self::HIGHEST_HZ, highest_hz, &why)
     }
 
@@ -206,11 +199,8 @@ impl FromStr for Vibration {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let ([acc_m_s2, frequency_hz], [rate_dps, harmonics, wander_pct]) = numbers(
-            text,
-            &[2, 3, 5],
-            "a vibration is m/s2 and Hz, such as 5,180",
-        )?;
+        let ([acc_m_s2, frequency_hz], [rate_dps, harmonics, wander_pct]) =
+            numbers(text, &[2, 3, 5], "a vibration is m/s2 and Hz, such as 5,180")?;
         let harmonics = harmonics.unwrap_or(0.0);
         if harmonics.fract() != 0.0 || harmonics < 0.0 {
             return Err("a vibration has a whole number of harmonics".into());
@@ -287,12 +277,7 @@ impl FromStr for SupplySag {
     fn from_str(text: &str) -> Result<Self, String> {
         let why = "a supply is V, or V and two times in s, such as 4.5,0.2,0.6";
         let ([volts], [from_s, until_s, stall_volts]) = numbers(text, &[1, 3, 4], why)?;
-        let sag = Self {
-            volts,
-            stall_volts,
-            from_s: from_s.unwrap_or(0.0),
-            until_s,
-        };
+        let sag = Self { volts, stall_volts, from_s: from_s.unwrap_or(0.0), until_s };
         sag.check().map(|()| sag)
     }
 }
@@ -365,11 +350,7 @@ const fn typical_gyro_dps_k() -> f64 {
 impl Temperature {
     fn check(&self) -> Result<(), String> {
         for celsius in [self.from_c, self.to_c] {
-            within(
-                -40.0..=85.0,
-                celsius,
-                "the sensor's temperature is -40 to 85 C",
-            )?;
+            within(-40.0..=85.0, celsius, "the sensor's temperature is -40 to 85 C")?;
         }
         let why = "warming up takes more than 0 and at most 3600 s";
         within(f64::MIN_POSITIVE..=3600.0, self.time_constant_s, why)?;
@@ -422,10 +403,7 @@ fn numbers<const A: usize, const B: usize>(
     let numbers = numbers.filter(|numbers| counts.contains(&numbers.len()));
     let numbers = numbers.ok_or_else(|| why.to_owned())?;
     let more = |at: usize| numbers.get(A + at).copied();
-    Ok((
-        std::array::from_fn(|at| numbers[at]),
-        std::array::from_fn(more),
-    ))
+    Ok((std::array::from_fn(|at| numbers[at]), std::array::from_fn(more)))
 }
 
 /// Refuses a value out of its range; NaN is out of every range.

@@ -94,9 +94,7 @@ impl Environment {
     pub fn new(bench: &BenchConfig) -> Result<Self, ParameterError> {
         let (mut vehicle, tilt_rad, zero_rad) = hang(bench)?;
         let clamp = Clamp::closed(&mut vehicle, tilt_rad);
-        let model = bench
-            .servo
-            .fitted(ZERO_RUDDER_US, zero_rad, bench.horn_error_rad);
+        let model = bench.servo.fitted(ZERO_RUDDER_US, zero_rad, bench.horn_error_rad);
         let mut sensor = bench.sensor.clone();
         if let Some(temperature) = &bench.disturbances.temperature {
             sensor.errors = temperature.of(sensor.errors);
@@ -156,8 +154,7 @@ impl Environment {
     /// Opens the clamp; the drone leaves it with a rate, rad/s.
     pub fn release(&mut self, rate_rad_s: f64) {
         let now = STEP * self.steps;
-        self.clamp
-            .open(now, &mut self.vehicle, rate_rad_s, self.spin_rad_s);
+        self.clamp.open(now, &mut self.vehicle, rate_rad_s, self.spin_rad_s);
     }
 
     /// Closes the clamp on the drone where it is; the faults of its flight end.
@@ -431,12 +428,9 @@ impl Board for Environment {
     fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
         self.advance(now);
         let reply = self.sensor.i2c(now, event);
-        let registers = Registers {
-            refresh: self.sensor.refresh,
-            faultless: self.sensor.faultless,
-        };
-        self.analyzer
-            .i2c(now, event, reply, registers, &mut self.truth);
+        let registers =
+            Registers { refresh: self.sensor.refresh, faultless: self.sensor.faultless };
+        self.analyzer.i2c(now, event, reply, registers, &mut self.truth);
         reply
     }
 

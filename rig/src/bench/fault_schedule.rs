@@ -104,10 +104,7 @@ impl FaultEntry {
         if !(0.0..length_s).contains(&self.at_s) {
             return Err(format!("at_s must be 0 to below {length_s}"));
         }
-        if self
-            .for_s
-            .is_some_and(|for_s| !(for_s > 0.0 && for_s <= 3600.0))
-        {
+        if self.for_s.is_some_and(|for_s| !(for_s > 0.0 && for_s <= 3600.0)) {
             return Err("for_s must be above 0 and at most 3600".into());
         }
         let share = fault.probability_mut();
@@ -117,13 +114,7 @@ impl FaultEntry {
             _ => None,
         };
         let given_ms = &mut self.stretch_ms;
-        reconcile(
-            kind,
-            "stretch_ms",
-            given_ms,
-            stretch_ms.as_mut(),
-            0.0..=1000.0,
-        )?;
+        reconcile(kind, "stretch_ms", given_ms, stretch_ms.as_mut(), 0.0..=1000.0)?;
         if let (Fault::LongStretch { stretch, .. }, Some(ms)) = (&mut fault, stretch_ms) {
             *stretch = Ticks::from_secs_f64(ms * 1e-3);
         }
@@ -136,9 +127,7 @@ impl FaultEntry {
             fault,
             since: self.since,
             at: Ticks::from_secs_f64(self.at_s),
-            until: self.for_s.map_or(Ticks::NEVER, |for_s| {
-                Ticks::from_secs_f64(self.at_s + for_s)
-            }),
+            until: self.for_s.map_or(Ticks::NEVER, |for_s| Ticks::from_secs_f64(self.at_s + for_s)),
         })
     }
 }
@@ -155,11 +144,7 @@ fn reconcile<T: Copy + PartialOrd + Display>(
     match (*given, drawn) {
         (Some(value), Some(drawn)) if range.contains(&value) => *drawn = value,
         (Some(_), Some(_)) => {
-            return Err(format!(
-                "{what} must be {} to {}",
-                range.start(),
-                range.end()
-            ));
+            return Err(format!("{what} must be {} to {}", range.start(), range.end()));
         }
         (Some(_), None) => return Err(format!("fault {kind} has no {what}")),
         (None, drawn) => *given = drawn.copied(),

@@ -60,10 +60,7 @@ impl Default for Hardware {
             bootloader: Bootloader::default(),
             clock_percent: 0.0,
             slow_clock: None,
-            chip: Options {
-                wake_up: Ticks::from_us(4),
-                ..Options::default()
-            },
+            chip: Options { wake_up: Ticks::from_us(4), ..Options::default() },
             jumper: true,
             flash_time: 1.0,
             usb_loss: 0.0,
@@ -87,21 +84,14 @@ impl Hardware {
             let names = names.join(", ");
             return Err(format!("there is no key `{name}`; the keys are {names}"));
         };
-        key.set(self, value)
-            .map_err(|why| format!("{name}={}: {}; {why}", key.value, key.what))
+        key.set(self, value).map_err(|why| format!("{name}={}: {}; {why}", key.value, key.what))
     }
 
     /// The keys as a table in Markdown, with their defaults and sources.
     pub fn table() -> String {
         let default = Self::default();
         let rows = keys().map(|key| {
-            let Key {
-                name,
-                value,
-                what,
-                source,
-                ..
-            } = key;
+            let Key { name, value, what, source, .. } = key;
             let value = value.replace('|', "\\|");
             let shown = key.show(&default);
             format!("| `{name}` | `{value}` | {what} | {shown} | {source} |\n")

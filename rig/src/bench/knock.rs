@@ -31,15 +31,8 @@ impl Knock {
             0.0 => (since_s / TIP_S, 1.0),
             hertz => (swings, (self.seconds * hertz).ceil()),
         };
-        let turn = if swings < all {
-            (TAU * swings).sin()
-        } else {
-            0.0
-        };
-        (
-            self.acc_m_s2.map(|acc| acc * force),
-            self.rate_rad_s.map(|rate| rate * turn),
-        )
+        let turn = if swings < all { (TAU * swings).sin() } else { 0.0 };
+        (self.acc_m_s2.map(|acc| acc * force), self.rate_rad_s.map(|rate| rate * turn))
     }
 }
 
@@ -73,11 +66,7 @@ mod tests {
         };
         assert_eq!(push.at(0.002).0, [100.0, 0.0, -50.0]);
         assert_eq!(push.at(0.004).0, [0.0; 3]);
-        let rattle = Knock {
-            swings_hz: 100.0,
-            seconds: 0.3,
-            ..push
-        };
+        let rattle = Knock { swings_hz: 100.0, seconds: 0.3, ..push };
         assert_eq!(rattle.at(0.002).0, [100.0, 0.0, -50.0]);
         assert_eq!(rattle.at(0.007).0, [-100.0, 0.0, 50.0]);
         assert_eq!(rattle.at(0.301).0, [0.0; 3]);

@@ -31,10 +31,7 @@ mod tests {
 
     #[test]
     fn it_is_strongest_half_way_and_gone_in_the_end() {
-        let magnet = Magnet {
-            field_ut: [800.0, 0.0, -80.0],
-            seconds: 2.0,
-        };
+        let magnet = Magnet { field_ut: [800.0, 0.0, -80.0], seconds: 2.0 };
         assert_eq!(magnet.at(1.0), [800.0, 0.0, -80.0]);
         // A quarter of the way is as far again from the nearest point as that is away, twice.
         let [near, ..] = magnet.at(0.5);

@@ -45,10 +45,7 @@ impl Rocket {
         config: &RocketConfig,
         attitude: UnitQuaternion<f64>,
     ) -> Result<Self, ParameterError> {
-        Ok(Self {
-            ascent: Ascent::new(&config.parameters, attitude)?,
-            kicks: config.kicks.clone(),
-        })
+        Ok(Self { ascent: Ascent::new(&config.parameters, attitude)?, kicks: config.kicks.clone() })
     }
 
     /// The physics.
@@ -105,10 +102,7 @@ mod tests {
 
     #[test]
     fn a_kick_comes_once_and_at_its_time() {
-        let mut rocket = rocket(&[Kick {
-            at_s: 2.0,
-            rates_rad_s: [0.3, -0.1],
-        }]);
+        let mut rocket = rocket(&[Kick { at_s: 2.0, rates_rad_s: [0.3, -0.1] }]);
         for _ in 0..1_000 {
             rocket.step(1e-3, [0.0; 2]);
         }

@@ -147,11 +147,7 @@ pub struct HeldSensor {
 impl HeldSensor {
     /// Held still at an attitude, sensor to north-east-down.
     pub fn new(attitude: UnitQuaternion<f64>) -> Self {
-        Self {
-            attitude,
-            motion: SensorMotion::Rest,
-            since_s: 0.0,
-        }
+        Self { attitude, motion: SensorMotion::Rest, since_s: 0.0 }
     }
 
     /// Begins to move it.
@@ -232,12 +228,9 @@ impl MotionPlan {
             rate => SensorMotion::Tremble(rate),
         };
         let mut steps = vec![(first, REST_S)];
-        steps.extend(Face::ALL.map(|face| {
-            (
-                SensorMotion::To(resting(face), BETWEEN_S),
-                BETWEEN_S + FACE_S,
-            )
-        }));
+        steps.extend(
+            Face::ALL.map(|face| (SensorMotion::To(resting(face), BETWEEN_S), BETWEEN_S + FACE_S)),
+        );
         steps.push((SensorMotion::Turn, self.turning_s));
         steps
     }
@@ -254,11 +247,7 @@ fn start(sensor: bno055::Config, still: &Stimulus) -> Bno055 {
     lie(&mut chip, Ticks::ZERO, BOOTED);
     write(&mut chip, page0::UNIT_SEL, &[0]);
     write(&mut chip, page0::PAGE_ID, &[1]);
-    write(
-        &mut chip,
-        page1::ACC_CONFIG,
-        &Sensors::default().registers(),
-    );
+    write(&mut chip, page1::ACC_CONFIG, &Sensors::default().registers());
     write(&mut chip, page0::PAGE_ID, &[0]);
     write(&mut chip, page0::OPR_MODE, &[Mode::Amg as u8]);
     lie(&mut chip, BOOTED, START);
@@ -267,10 +256,7 @@ fn start(sensor: bno055::Config, still: &Stimulus) -> Bno055 {
 
 /// Writes registers as soon as the chip has booted.
 fn write(chip: &mut Bno055, register: u8, values: &[u8]) {
-    let start = I2cEvent::Start {
-        address: chip.address(),
-        read: false,
-    };
+    let start = I2cEvent::Start { address: chip.address(), read: false };
     chip.i2c(BOOTED, start);
     chip.i2c(BOOTED, I2cEvent::Write(register));
     for value in values {
@@ -305,12 +291,7 @@ mod tests {
 
     #[test]
     fn a_shake_swings_as_far_as_asked_and_ends_at_rest() {
-        let shake = Shake {
-            rate_rad_s: 15.0,
-            acc_m_s2: 40.0,
-            swings_hz: 4.0,
-            seconds: 2.0,
-        };
+        let shake = Shake { rate_rad_s: 15.0, acc_m_s2: 40.0, swings_hz: 4.0, seconds: 2.0 };
         let mut held = HeldSensor::new(resting(Face::TopUp));
         held.begin(SensorMotion::Shake(shake));
         let (mut rate, mut acc, mut last): (f64, f64, _) = (0.0, 0.0, Vector3::zeros());
@@ -328,40 +309,21 @@ mod tests {
 
     #[test]
     fn the_procedure_rests_on_every_face_and_then_turns() {
-        let sensor = bno055::Config {
-            errors: ImuErrors::NONE,
-            ..bno055::Config::default()
-        };
-        let plan = MotionPlan {
-            turning_s: 5.0,
-            ..MotionPlan::default()
-        };
+        let sensor = bno055::Config { errors: ImuErrors::NONE, ..bno055::Config::default() };
+        let plan = MotionPlan { turning_s: 5.0, ..MotionPlan::default() };
         let samples = record(sensor, &plan);
         assert_eq!(samples.len(), 4400);
         let at = |s: f64| samples[(s * 100.0) as usize];
         assert_eq!((at(6.0).acc, at(6.0).gyr), ([0, 0, -981], [0; 3]));
-        let mut seen: Vec<[i16; 3]> = (0..6)
-            .map(|face| at(15.0 + 4.5 * f64::from(face)).acc)
-            .collect();
+        let mut seen: Vec<[i16; 3]> =
+            (0..6).map(|face| at(15.0 + 4.5 * f64::from(face)).acc).collect();
         seen.sort();
-        let mut faces = vec![
-            [0, 0, -981],
-            [0, 0, 981],
-            [0, -981, 0],
-            [0, 981, 0],
-            [981, 0, 0],
-            [-981, 0, 0],
-        ];
+        let mut faces =
+            vec![[0, 0, -981], [0, 0, 981], [0, -981, 0], [0, 981, 0], [981, 0, 0], [-981, 0, 0]];
         faces.sort();
         assert_eq!(seen, faces);
         assert!(at(43.0).gyr.iter().any(|w| w.abs() > 400));
-        let strength = |s: &Sample| {
-            s.mag
-                .iter()
-                .map(|m| f64::from(*m).powi(2))
-                .sum::<f64>()
-                .sqrt()
-        };
+        let strength = |s: &Sample| s.mag.iter().map(|m| f64::from(*m).powi(2)).sum::<f64>().sqrt();
         assert!((strength(&at(43.0)) / 16.0 - 50.0).abs() < 0.5);
     }
 }

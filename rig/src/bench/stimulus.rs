@@ -103,15 +103,8 @@ mod tests {
     const TURNING: (f64, f64) = (3.0, 20.0);
 
     fn felt(pitch_rad: f64, lever_m: [f64; 3]) -> [f64; 3] {
-        on_drone(
-            pitch_rad,
-            TURNING,
-            lever_m,
-            0.0,
-            &EarthField::COPENHAGEN,
-            9.81,
-        )
-        .specific_force_m_s2
+        on_drone(pitch_rad, TURNING, lever_m, 0.0, &EarthField::COPENHAGEN, 9.81)
+            .specific_force_m_s2
     }
 
     fn near(a: [f64; 3], b: [f64; 3]) {

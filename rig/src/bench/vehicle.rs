@@ -131,16 +131,9 @@ impl Vehicle {
             Self::Joint(drone) => {
                 let [pitch, roll] = drone.tilt_rad();
                 let angle = pitch.hypot(roll);
-                let [along_pitch, along_roll] = if angle > 0.0 {
-                    [pitch / angle, roll / angle]
-                } else {
-                    [1.0, 0.0]
-                };
-                drone.release([
-                    rate_rad_s * along_roll,
-                    rate_rad_s * along_pitch,
-                    spin_rad_s,
-                ]);
+                let [along_pitch, along_roll] =
+                    if angle > 0.0 { [pitch / angle, roll / angle] } else { [1.0, 0.0] };
+                drone.release([rate_rad_s * along_roll, rate_rad_s * along_pitch, spin_rad_s]);
             }
             Self::Rocket(rocket) => rocket.ignite(),
         }

@@ -98,12 +98,7 @@ impl Bno055 {
             return;
         }
         let late = self.config.late_registers;
-        let write = LateWrite {
-            at: now + late,
-            page: self.page,
-            address,
-            value,
-        };
+        let write = LateWrite { at: now + late, page: self.page, address, value };
         if late == Ticks::ZERO || address == page0::PAGE_ID {
             self.carry_out(write);
         } else {
@@ -113,12 +108,7 @@ impl Bno055 {
 
     /// Does what a write is for.
     pub(super) fn carry_out(&mut self, write: LateWrite) {
-        let LateWrite {
-            at: now,
-            page,
-            address,
-            value,
-        } = write;
+        let LateWrite { at: now, page, address, value } = write;
         if self.power != Power::On {
             return;
         }
@@ -213,9 +203,7 @@ impl Bno055 {
     fn stage(&mut self, address: u8, value: u8) {
         let byte = usize::from(address - page0::ACC_OFFSET);
         self.staged[byte] = value;
-        let Some(group) = GROUPS
-            .iter()
-            .position(|&(first, words)| byte == first + 2 * words - 1)
+        let Some(group) = GROUPS.iter().position(|&(first, words)| byte == first + 2 * words - 1)
         else {
             return;
         };
@@ -239,11 +227,8 @@ impl Bno055 {
         match group {
             0 => {
                 let mg = settings.acc_range_g * 1000.0;
-                let lsb_per_mg = if self.get(page0::UNIT_SEL) & unit::ACC_MG == 0 {
-                    0.980_665
-                } else {
-                    1.0
-                };
+                let lsb_per_mg =
+                    if self.get(page0::UNIT_SEL) & unit::ACC_MG == 0 { 0.980_665 } else { 1.0 };
                 (mg * lsb_per_mg) as i32
             }
             1 => 6400,

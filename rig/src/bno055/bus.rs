@@ -67,11 +67,7 @@ impl Bno055 {
                     expects_pointer: !read,
                     ..Transfer::default()
                 };
-                if selected {
-                    I2cReply::ACK
-                } else {
-                    I2cReply::NAK
-                }
+                if selected { I2cReply::ACK } else { I2cReply::NAK }
             }
             I2cEvent::Write(value) if self.selected(now) => {
                 if self.transfer.expects_pointer {
@@ -93,11 +89,7 @@ impl Bno055 {
                 return I2cReply::NAK.stretched(self.hold_before_stop(ended));
             }
         };
-        if self.transfer.selected {
-            reply.stretched(self.stretch())
-        } else {
-            reply
-        }
+        if self.transfer.selected { reply.stretched(self.stretch()) } else { reply }
     }
 
     /// True if a START or STOP lies inside the byte that begins at `now`. Another master may take
@@ -182,10 +174,7 @@ impl Bno055 {
             _ => self.draw_us(self.config.bus.stretch_us.clone()),
         };
         for fault in &self.faults.0 {
-            if let Fault::LongStretch {
-                stretch: long,
-                probability,
-            } = *fault
+            if let Fault::LongStretch { stretch: long, probability } = *fault
                 && self.bus_noise.random_bool(probability)
             {
                 stretch += long;
@@ -198,9 +187,7 @@ impl Bno055 {
     fn hold_before_stop(&mut self, ended: Transfer) -> Ticks {
         let bus = &self.config.bus;
         match ended {
-            Transfer {
-                selected: false, ..
-            } => Ticks::ZERO,
+            Transfer { selected: false, .. } => Ticks::ZERO,
             Transfer { reads: true, .. } => self.draw_us(bus.stop_read_us.clone()),
             Transfer { reads: false, .. } => self.draw_us(bus.stop_write_us.clone()),
         }
@@ -242,9 +229,7 @@ impl Bno055 {
             } else {
                 self.get(address + 1)
             };
-            let [low, high] = self
-                .disturb(i16::from_le_bytes([value, high]))
-                .to_le_bytes();
+            let [low, high] = self.disturb(i16::from_le_bytes([value, high])).to_le_bytes();
             self.transfer.shadow = Some((address + 1, high));
             return low;
         }
@@ -286,10 +271,7 @@ mod tests {
     const READY: Ticks = Ticks::from_ms(700);
 
     fn chip(bus: BusTiming) -> Bno055 {
-        Bno055::new(Config {
-            bus,
-            ..Config::default()
-        })
+        Bno055::new(Config { bus, ..Config::default() })
     }
 
     /// The hold before the STOP of a transfer in this direction.
@@ -300,10 +282,8 @@ mod tests {
 
     #[test]
     fn the_stop_waits_after_a_read_of_this_chip_only() {
-        let mut chip = chip(BusTiming {
-            stop_read_us: BusTiming::STOP_READ_US,
-            ..BusTiming::default()
-        });
+        let mut chip =
+            chip(BusTiming { stop_read_us: BusTiming::STOP_READ_US, ..BusTiming::default() });
         let read = hold(&mut chip, 0x28, true).as_us();
         assert!(BusTiming::STOP_READ_US.contains(&read), "{read} us");
         assert_eq!(hold(&mut chip, 0x28, false), Ticks::ZERO);
@@ -312,11 +292,8 @@ mod tests {
 
     #[test]
     fn the_stop_waits_after_a_write_if_it_is_to() {
-        let mut chip = chip(BusTiming {
-            stop_read_us: 0..=0,
-            stop_write_us: 90..=90,
-            ..BusTiming::default()
-        });
+        let mut chip =
+            chip(BusTiming { stop_read_us: 0..=0, stop_write_us: 90..=90, ..BusTiming::default() });
         assert_eq!(hold(&mut chip, 0x28, false), Ticks::from_us(90));
         assert_eq!(hold(&mut chip, 0x28, true), Ticks::ZERO);
     }
@@ -324,25 +301,15 @@ mod tests {
     #[test]
     fn rare_bytes_are_held_longer() {
         let mut chip = chip(BusTiming {
-            stretch_rare: Some(RareStretch {
-                us: 500,
-                probability: 0.1,
-            }),
+            stretch_rare: Some(RareStretch { us: 500, probability: 0.1 }),
             ..BusTiming::default()
         });
-        let start = I2cEvent::Start {
-            address: 0x28,
-            read: true,
-        };
+        let start = I2cEvent::Start { address: 0x28, read: true };
         chip.i2c(READY, start);
         let holds = (0..1000).map(|_| chip.i2c(READY, I2cEvent::Read).stretch.as_us());
         let holds: Vec<u64> = holds.collect();
         let rare = holds.iter().filter(|&&us| us == 500).count();
         assert!((60..140).contains(&rare), "{rare} of 1000");
-        assert!(
-            holds
-                .iter()
-                .all(|us| *us == 500 || (160..=200).contains(us))
-        );
+        assert!(holds.iter().all(|us| *us == 500 || (160..=200).contains(us)));
     }
 }

@@ -104,11 +104,7 @@ impl Calibration {
     ) -> Vec<Learner> {
         let mut learned = Vec::new();
         let rested = self.rest_s;
-        self.rest_s = if self.is_still(mode, sample, dt_s) {
-            rested + dt_s
-        } else {
-            0.0
-        };
+        self.rest_s = if self.is_still(mode, sample, dt_s) { rested + dt_s } else { 0.0 };
         self.longest_rest_s = self.longest_rest_s.max(self.rest_s);
         self.forget(sample, field_ut, dt_s);
         let [_, _, enough_s] = RESTS_S;
@@ -129,11 +125,7 @@ impl Calibration {
 
     /// The value of CALIB_STAT.
     pub(super) fn register(&self, mode: Mode) -> u8 {
-        let gyr = if self.gyr_restored {
-            3
-        } else {
-            level(RESTS_S, self.longest_rest_s)
-        };
+        let gyr = if self.gyr_restored { 3 } else { level(RESTS_S, self.longest_rest_s) };
         let acc = level(POSES, self.poses.len());
         let mag = match self.fields.len() {
             0 | 1 => 0,
@@ -164,11 +156,7 @@ impl Calibration {
         let strength = norm(field_ut);
         let usual = *self.learned_in_ut.get_or_insert(strength);
         let disturbed = (strength - usual).abs() > DISTURBED_FIELD * usual;
-        self.disturbed_s = if disturbed {
-            self.disturbed_s + dt_s
-        } else {
-            0.0
-        };
+        self.disturbed_s = if disturbed { self.disturbed_s + dt_s } else { 0.0 };
         if self.disturbed_s >= DISTURBED_S {
             self.fields.clear();
             self.mag_restored = false;
@@ -194,11 +182,7 @@ impl Calibration {
 
 /// Numbers of field directions after which the magnetometer shows 1, 2 and 3 in this mode.
 fn fields(mode: Mode) -> [usize; 3] {
-    if mode == Mode::Ndof {
-        FIELDS_FAST
-    } else {
-        FIELDS
-    }
+    if mode == Mode::Ndof { FIELDS_FAST } else { FIELDS }
 }
 
 /// 0 to 3: how many of the thresholds are reached.

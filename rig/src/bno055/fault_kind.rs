@@ -108,11 +108,7 @@ faults! {
 impl FaultKind {
     /// A fault of this kind as hard as one that is drawn can be.
     pub fn hardest(self) -> Fault {
-        self.with(&Drawn {
-            probability: 1.0 / 3.0,
-            stretch: Ticks::from_ms(40),
-            clocks: 9,
-        })
+        self.with(&Drawn { probability: 1.0 / 3.0, stretch: Ticks::from_ms(40), clocks: 9 })
     }
 
     /// Draws a fault of this kind. Kinds that strike words or bytes get a share between one in
@@ -152,12 +148,7 @@ mod tests {
             assert_eq!(kind.name().parse(), Ok(kind));
             assert_eq!(FaultKind::of(&kind.hardest()), kind);
         }
-        assert!(
-            "gremlins"
-                .parse::<FaultKind>()
-                .unwrap_err()
-                .contains("sda-held")
-        );
+        assert!("gremlins".parse::<FaultKind>().unwrap_err().contains("sda-held"));
     }
 
     #[test]
@@ -173,10 +164,7 @@ mod tests {
         let mut dice = generator(1, Stream::Campaign);
         for _ in 0..1000 {
             match FaultKind::LongStretch.draw(&mut dice) {
-                Fault::LongStretch {
-                    stretch,
-                    probability,
-                } => {
+                Fault::LongStretch { stretch, probability } => {
                     assert!((1000..=40_000).contains(&stretch.as_us()));
                     assert!((0.0003..0.334).contains(&probability));
                 }

@@ -19,11 +19,7 @@ pub struct WarmUp {
 
 impl WarmUp {
     /// A constant 27 deg C.
-    pub const NONE: Self = Self {
-        from_c: 27.0,
-        to_c: 27.0,
-        time_constant_s: 60.0,
-    };
+    pub const NONE: Self = Self { from_c: 27.0, to_c: 27.0, time_constant_s: 60.0 };
 
     /// Temperature at a time after power-on, deg C.
     pub fn at(&self, now: Ticks) -> f64 {

@@ -205,11 +205,7 @@ impl Bno055 {
             foreign_until: Ticks::ZERO,
             faults: Faults::default(),
             older: [0; DATA],
-            output: Output {
-                units: UNIT_SEL_RESET,
-                map: AXIS_MAP_RESET,
-                sign: 0,
-            },
+            output: Output { units: UNIT_SEL_RESET, map: AXIS_MAP_RESET, sign: 0 },
             faultless: [0; 9],
             config,
         };

@@ -58,11 +58,7 @@ impl RefreshClock {
                 }
             })
         });
-        Self {
-            period_s,
-            next: Ticks::ZERO,
-            own,
-        }
+        Self { period_s, next: Ticks::ZERO, own }
     }
 
     /// The chip starts.
@@ -187,10 +183,8 @@ impl Bno055 {
     /// Writes a sample into the data registers of these sensors.
     fn write_data(&mut self, at: Ticks, sample: &Sample, settings: &Settings, sensors: Group) {
         if sensors[GYROSCOPE] {
-            self.refresh = Refresh {
-                at,
-                recorded: self.signals.playback.as_ref().map(Playback::shown),
-            };
+            self.refresh =
+                Refresh { at, recorded: self.signals.playback.as_ref().map(Playback::shown) };
         }
         let data = usize::from(page0::ACC_DATA)..usize::from(page0::TEMP);
         self.older.copy_from_slice(&self.pages[0][data]);

@@ -187,18 +187,12 @@ impl Mode {
 
     /// The accelerometer runs.
     pub fn has_acc(self) -> bool {
-        !matches!(
-            self,
-            Self::Config | Self::MagOnly | Self::GyroOnly | Self::MagGyro
-        )
+        !matches!(self, Self::Config | Self::MagOnly | Self::GyroOnly | Self::MagGyro)
     }
 
     /// The magnetometer runs.
     pub fn has_mag(self) -> bool {
-        !matches!(
-            self,
-            Self::Config | Self::AccOnly | Self::GyroOnly | Self::AccGyro | Self::Imu
-        )
+        !matches!(self, Self::Config | Self::AccOnly | Self::GyroOnly | Self::AccGyro | Self::Imu)
     }
 
     /// The gyroscope runs.
@@ -252,11 +246,9 @@ pub(super) fn reset_pages(unique_id: [u8; 16]) -> [[u8; 128]; 2] {
     ] {
         pages[0][usize::from(address)] = value;
     }
-    for (address, value) in [
-        (page1::ACC_CONFIG, 0x0D),
-        (page1::MAG_CONFIG, 0x0B),
-        (page1::GYR_CONFIG_0, 0x38),
-    ] {
+    for (address, value) in
+        [(page1::ACC_CONFIG, 0x0D), (page1::MAG_CONFIG, 0x0B), (page1::GYR_CONFIG_0, 0x38)]
+    {
         pages[1][usize::from(address)] = value;
     }
     let id = usize::from(page1::UNIQUE_ID);

@@ -24,13 +24,7 @@ pub(super) struct Playback {
 
 impl Playback {
     pub(super) fn new(recording: Arc<Recording>, start: Ticks) -> Self {
-        Self {
-            recording,
-            start,
-            next: 0,
-            next_mag: 0,
-            attitude: [1.0, 0.0, 0.0, 0.0],
-        }
+        Self { recording, start, next: 0, next_mag: 0, attitude: [1.0, 0.0, 0.0, 0.0] }
     }
 
     /// Index of the newest recorded sample that the registers show.

@@ -56,11 +56,7 @@ impl Sensors {
         let fresh = self.signals.mag_is_due(now);
         let sample = self.signals.refresh(now, &self.settings)?;
         let words = Words::of(&sample, UNITS, &self.settings);
-        Some(Reading {
-            gyr: words.gyr,
-            acc: words.acc,
-            mag: fresh.then_some(words.mag),
-        })
+        Some(Reading { gyr: words.gyr, acc: words.acc, mag: fresh.then_some(words.mag) })
     }
 }
 

@@ -78,9 +78,7 @@ impl Settings {
             acc_bandwidth_hz: 62.5,
             gyr_range_dps: 2000.0,
             gyr_bandwidth_hz: 32.0,
-            mag_rate_hz: mode
-                .refresh_hz()
-                .min(if mode == Mode::M4g { 50.0 } else { 20.0 }),
+            mag_rate_hz: mode.refresh_hz().min(if mode == Mode::M4g { 50.0 } else { 20.0 }),
         }
     }
 }
@@ -191,10 +189,7 @@ impl SignalChain {
         };
         // The exact response of a first-order low-pass to an input that is constant over dt.
         let gain = |hz: f64| 1.0 - (-core::f64::consts::TAU * hz * dt).exp();
-        let (gyr, acc) = (
-            gain(settings.gyr_bandwidth_hz),
-            gain(settings.acc_bandwidth_hz),
-        );
+        let (gyr, acc) = (gain(settings.gyr_bandwidth_hz), gain(settings.acc_bandwidth_hz));
         for axis in 0..3 {
             let f = &mut filtered.gyr_rad_s[axis];
             *f += gyr * (input.gyr_rad_s[axis] - *f);
@@ -279,18 +274,13 @@ impl SignalChain {
         }
         let keep = (-dt / BIAS_CORRELATION_S).exp();
         let kick = sigma * (1.0 - keep * keep).sqrt();
-        self.wandering_rad_s = self
-            .wandering_rad_s
-            .map(|old| keep * old + kick * self.normal(sigma));
+        self.wandering_rad_s =
+            self.wandering_rad_s.map(|old| keep * old + kick * self.normal(sigma));
     }
 
     /// A standard normal number; zero, and none drawn, where the factor it is for is zero.
     fn normal(&mut self, factor: f64) -> f64 {
-        if factor == 0.0 {
-            0.0
-        } else {
-            self.noise.sample(StandardNormal)
-        }
+        if factor == 0.0 { 0.0 } else { self.noise.sample(StandardNormal) }
     }
 }
 
@@ -349,11 +339,7 @@ mod tests {
         let mut chain = chain(ImuErrors {
             gyro_drift_rad_s_k: [0.015_f64.to_radians(), 0.0, 0.0],
             acc_drift_m_s2_k: [0.0, 0.0, -0.01],
-            warm_up: WarmUp {
-                from_c: 25.0,
-                to_c: 45.0,
-                time_constant_s: 10.0,
-            },
+            warm_up: WarmUp { from_c: 25.0, to_c: 45.0, time_constant_s: 10.0 },
             ..ImuErrors::NONE
         });
         let settings = reset_settings();
@@ -399,19 +385,13 @@ mod tests {
         let expected = 0.014 * (32.0 * core::f64::consts::FRAC_PI_2).sqrt();
         let mean: f64 = sum / n;
         let sigma = (squares / n - mean * mean).sqrt();
-        assert!(
-            (sigma / expected - 1.0).abs() < 0.1,
-            "{sigma} against {expected}"
-        );
+        assert!((sigma / expected - 1.0).abs() < 0.1, "{sigma} against {expected}");
         assert!(mean.abs() < 0.02, "{mean}");
     }
 
     #[test]
     fn magnetometer_keeps_its_own_rate() {
-        let mut chain = chain(ImuErrors {
-            mag_noise_ut: 1.0,
-            ..ImuErrors::NONE
-        });
+        let mut chain = chain(ImuErrors { mag_noise_ut: 1.0, ..ImuErrors::NONE });
         let settings = reset_settings();
         let mut changes = 0;
         let mut last = [0.0; 3];
@@ -424,9 +404,6 @@ mod tests {
                 last = mag;
             }
         }
-        assert!(
-            (9..=11).contains(&changes),
-            "{changes} conversions in 1 s at 10 Hz"
-        );
+        assert!((9..=11).contains(&changes), "{changes} conversions in 1 s at 10 Hz");
     }
 }

@@ -32,10 +32,7 @@ impl Bus {
     }
 
     fn started_as(config: Config) -> Self {
-        let mut bus = Self::new(Config {
-            errors: ImuErrors::NONE,
-            ..config
-        });
+        let mut bus = Self::new(Config { errors: ImuErrors::NONE, ..config });
         bus.wait_ms(700);
         bus
     }
@@ -106,10 +103,7 @@ impl Bus {
 #[test]
 fn boots_in_its_time_and_gathers_itself() {
     for seed in 0..20 {
-        let mut bus = Bus::new(Config {
-            seed,
-            ..Config::default()
-        });
+        let mut bus = Bus::new(Config { seed, ..Config::default() });
         let mut answered = None;
         let mut not_itself = false;
         loop {
@@ -123,10 +117,7 @@ fn boots_in_its_time_and_gathers_itself() {
             bus.wait_ms(2);
         }
         let answered = answered.unwrap().as_us() / 1000;
-        assert!(
-            (400..=653).contains(&answered),
-            "seed {seed}: {answered} ms"
-        );
+        assert!((400..=653).contains(&answered), "seed {seed}: {answered} ms");
         assert!(not_itself);
     }
 }
@@ -134,10 +125,7 @@ fn boots_in_its_time_and_gathers_itself() {
 #[test]
 fn register_map_after_power_on() {
     let mut bus = Bus::started();
-    assert_eq!(
-        bus.read::<8>(0),
-        [0xA0, 0xFB, 0x32, 0x0F, 0x11, 0x03, 0x15, 0]
-    );
+    assert_eq!(bus.read::<8>(0), [0xA0, 0xFB, 0x32, 0x0F, 0x11, 0x03, 0x15, 0]);
     assert_eq!(bus.byte(page0::ST_RESULT), 0x0F);
     assert_eq!(bus.byte(page0::UNIT_SEL), 0x80);
     assert_eq!(bus.byte(page0::OPR_MODE), 0);
@@ -240,10 +228,7 @@ fn refreshes_at_100_hz_by_its_own_clock() {
     }
     let period = (last.at - first).as_us_f64() / f64::from(refreshes);
     assert!((9900.0..=10_100.0).contains(&period), "{period}");
-    assert!(
-        (period - 10_000.0).abs() > 1.0,
-        "the clock has an error: {period}"
-    );
+    assert!((period - 10_000.0).abs() > 1.0, "the clock has an error: {period}");
 }
 
 #[test]
@@ -292,10 +277,7 @@ fn profile_groups_count_with_their_last_byte() {
     assert_eq!(bus.read::<6>(0x5B), [0; 6]);
     bus.write(page0::OPR_MODE, &[Mode::Ndof as u8]);
     bus.wait_ms(30);
-    assert_eq!(
-        bus.read::<2>(page0::SYS_STATUS),
-        [status::ERROR, error::FUSION_CONFIG]
-    );
+    assert_eq!(bus.read::<2>(page0::SYS_STATUS), [status::ERROR, error::FUSION_CONFIG]);
     assert_eq!(bus.words(page0::ACC_DATA), [0; 3]);
 }
 
@@ -319,20 +301,10 @@ fn fusion_shows_attitude() {
 
 #[test]
 fn temperature_in_either_unit() {
-    let warm_up = WarmUp {
-        from_c: -10.0,
-        to_c: 50.0,
-        time_constant_s: 1.0,
-    };
+    let warm_up = WarmUp { from_c: -10.0, to_c: 50.0, time_constant_s: 1.0 };
     for (units, then, later) in [(0x80, 20.0, 50.0), (0x90, 34.0, 61.0)] {
-        let errors = ImuErrors {
-            warm_up,
-            ..ImuErrors::NONE
-        };
-        let mut bus = Bus::new(Config {
-            errors,
-            ..Config::default()
-        });
+        let errors = ImuErrors { warm_up, ..ImuErrors::NONE };
+        let mut bus = Bus::new(Config { errors, ..Config::default() });
         bus.wait_ms(700);
         bus.write(page0::UNIT_SEL, &[units]);
         // 50 C less 60 C times exp(-0.7).
@@ -352,10 +324,7 @@ fn resets() {
     bus.wait_ms(700);
     assert_eq!(bus.byte(page0::OPR_MODE), 0);
 
-    let mut bus = Bus::new(Config {
-        reset_hangs: true,
-        ..Config::default()
-    });
+    let mut bus = Bus::new(Config { reset_hangs: true, ..Config::default() });
     bus.wait_ms(700);
     bus.write(page0::SYS_TRIGGER, &[trigger::RST_SYS]);
     bus.wait_ms(5000);
@@ -379,10 +348,7 @@ fn self_test_takes_its_time() {
 #[test]
 fn other_addresses_are_others() {
     let mut bus = Bus::started();
-    let reply = bus.event(I2cEvent::Start {
-        address: 0x6A,
-        read: true,
-    });
+    let reply = bus.event(I2cEvent::Start { address: 0x6A, read: true });
     assert_eq!(reply, I2cReply::NAK);
     assert_eq!(bus.event(I2cEvent::Read), I2cReply::NAK);
 }
@@ -390,10 +356,7 @@ fn other_addresses_are_others() {
 #[test]
 fn the_same_seed_gives_the_same_bytes() {
     let run = |seed: u64| {
-        let mut bus = Bus::new(Config {
-            seed,
-            ..Config::default()
-        });
+        let mut bus = Bus::new(Config { seed, ..Config::default() });
         bus.wait_ms(700);
         bus.write(page0::OPR_MODE, &[Mode::Amg as u8]);
         bus.wait_ms(100);

@@ -26,20 +26,14 @@ impl Words {
                 .acc_m_s2
                 .map(|a| word(a.clamp(-acc_range, acc_range) * acc_per_m_s2(units))),
             mag: sample.mag_ut.map(|m| word(m * mag_per_ut())),
-            gyr: sample
-                .gyr_rad_s
-                .map(|w| word(w.clamp(-gyr_range, gyr_range) * gyr_lsb)),
+            gyr: sample.gyr_rad_s.map(|w| word(w.clamp(-gyr_range, gyr_range) * gyr_lsb)),
         }
     }
 }
 
 /// Counts of acceleration for 1 m/s^2.
 pub(super) fn acc_per_m_s2(units: u8) -> f64 {
-    if units & unit::ACC_MG == 0 {
-        100.0
-    } else {
-        1000.0 / STANDARD_GRAVITY_M_S2
-    }
+    if units & unit::ACC_MG == 0 { 100.0 } else { 1000.0 / STANDARD_GRAVITY_M_S2 }
 }
 
 /// Counts of magnetic field for 1 uT.
@@ -54,11 +48,7 @@ pub(super) fn gyr_per_rad_s(units: u8) -> f64 {
 
 /// Counts for 1 rad or 1 rad/s, with the output in radians or in degrees.
 fn per_rad(in_radians: bool) -> f64 {
-    if in_radians {
-        900.0
-    } else {
-        16.0 * 180.0 / core::f64::consts::PI
-    }
+    if in_radians { 900.0 } else { 16.0 * 180.0 / core::f64::consts::PI }
 }
 
 /// The further outputs of the fusion modes: Euler angles, quaternion, linear acceleration, gravity.
@@ -74,21 +64,13 @@ pub(super) struct FusionWords {
 impl FusionWords {
     pub(super) fn of(sample: &Sample, units: u8) -> Self {
         let [w, x, y, z] = sample.attitude;
-        let up = [
-            2.0 * (x * z - w * y),
-            2.0 * (y * z + w * x),
-            w * w - x * x - y * y + z * z,
-        ];
+        let up = [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z];
         let gravity = up.map(|u| u * STANDARD_GRAVITY_M_S2);
         let roll = up[0].clamp(-1.0, 1.0).asin();
         let pitch = up[1].atan2(up[2]);
         let yaw = (2.0 * (x * y + w * z)).atan2(w * w + x * x - y * y - z * z);
         let heading = (-yaw).rem_euclid(core::f64::consts::TAU);
-        let pitch = if units & unit::ANDROID == 0 {
-            pitch
-        } else {
-            -pitch
-        };
+        let pitch = if units & unit::ANDROID == 0 { pitch } else { -pitch };
         let angle = per_rad(units & unit::EUL_RAD != 0);
         let lsb = acc_per_m_s2(units);
         Self {

@@ -38,10 +38,7 @@ fn image_after(rig: &mut Rig) -> Option<Ticks> {
 
 fn near(after: Option<Ticks>, us: u64) {
     let after = after.expect("the image starts").as_us();
-    assert!(
-        (us..us + 250).contains(&after),
-        "{after} us instead of {us}"
-    );
+    assert!((us..us + 250).contains(&after), "{after} us instead of {us}");
 }
 
 #[test]
@@ -82,19 +79,13 @@ fn power_starts_the_image_without_waiting() {
 #[test]
 fn each_knows_its_own_word_only() {
     let words = [0x0773_8135, 0xF016_69EF];
-    for (bootloader, own, other) in [
-        (Bootloader::Even, 0, 1),
-        (Bootloader::Arduino, 0, 1),
-        (Bootloader::Uf2, 1, 0),
-    ] {
+    for (bootloader, own, other) in
+        [(Bootloader::Even, 0, 1), (Bootloader::Arduino, 0, 1), (Bootloader::Uf2, 1, 0)]
+    {
         let mut rig = started(bootloader);
         reset_with(&mut rig, words[own]);
         assert_eq!(image_after(&mut rig), None, "{bootloader:?}");
-        assert_eq!(
-            word(&rig, WORD_AT),
-            0,
-            "cleared, so that the next reset leaves again"
-        );
+        assert_eq!(word(&rig, WORD_AT), 0, "cleared, so that the next reset leaves again");
         rig.press_reset();
         assert!(image_after(&mut rig).is_some());
         reset_with(&mut rig, words[other]);
@@ -139,8 +130,5 @@ fn the_literal_tells_the_bootloaders_apart() {
         assert_eq!(written, Vec::from_iter(word), "{bootloader:?}");
     }
     let arduino = started(Bootloader::Arduino);
-    assert_eq!(
-        arduino.chip().flash()[0x724..0x728],
-        [0x35, 0x81, 0x73, 0x07]
-    );
+    assert_eq!(arduino.chip().flash()[0x724..0x728], [0x35, 0x81, 0x73, 0x07]);
 }

@@ -19,23 +19,14 @@ pub const HELP: [(&str, &str); 20] = [
         "tilt RAD",
         "the clamp tilts the drone, -1.5 to 1.5 rad, and holds it there before every release",
     ),
-    (
-        "roll RAD",
-        "the same to the side, right side down positive, of a drone with two rudders",
-    ),
+    ("roll RAD", "the same to the side, right side down positive, of a drone with two rudders"),
     (
         "clamp open|closed|auto",
         "the clamp opens, which lights the engine of a rocket, or closes by hand; auto opens it when \
          the firmware goes to active",
     ),
-    (
-        "push N_M_S",
-        "an impulse on a free drone, -1 to 1 N m s; positive raises the nose",
-    ),
-    (
-        "gust N_M,S",
-        "a torque on a free drone, -1 to 1 N m, for 0.01 to 60 s",
-    ),
+    ("push N_M_S", "an impulse on a free drone, -1 to 1 N m s; positive raises the nose"),
+    ("gust N_M,S", "a torque on a free drone, -1 to 1 N m, for 0.01 to 60 s"),
     (
         "sensor tremble|turn|back",
         "the sensor is held unsteadily, turned in all directions, or put back on the drone",
@@ -54,22 +45,10 @@ pub const HELP: [(&str, &str); 20] = [
         "as --hardware, for stretch, stretch-rare, stop-read, stop-write, field, field-age, usb-loss",
     ),
     ("reset", "the reset button"),
-    (
-        "power-cycle",
-        "the power of chip and sensor is cut for a moment; faults stay",
-    ),
-    (
-        "brown-out",
-        "the supply dips below the chip's brown-out level",
-    ),
-    (
-        "program hang|hard-fault|stack-overflow",
-        "the run of the firmware ends badly",
-    ),
-    (
-        "store spoil|erase",
-        "the stored parameters cannot be read any more, or are gone",
-    ),
+    ("power-cycle", "the power of chip and sensor is cut for a moment; faults stay"),
+    ("brown-out", "the supply dips below the chip's brown-out level"),
+    ("program hang|hard-fault|stack-overflow", "the run of the firmware ends badly"),
+    ("store spoil|erase", "the stored parameters cannot be read any more, or are gone"),
     ("usb out|in", "the cable is pulled, and put in again"),
 ];
 
@@ -201,10 +180,7 @@ fn unless_off<T: FromStr<Err = String>>(text: &str) -> Result<Option<T>, String>
 /// A fault that is as hard as one that is drawn can be, where the settings say nothing.
 fn fault(kind: &str, settings: &[&str]) -> Result<Action, String> {
     let kind: FaultKind = kind.parse()?;
-    let mut entry = FaultEntry {
-        kind: kind.to_string(),
-        ..FaultEntry::default()
-    };
+    let mut entry = FaultEntry { kind: kind.to_string(), ..FaultEntry::default() };
     for setting in settings {
         let (key, value) = setting.split_once('=').unwrap_or((setting, ""));
         match key {
@@ -220,19 +196,14 @@ fn fault(kind: &str, settings: &[&str]) -> Result<Action, String> {
         }
     }
     let timed = entry.fit(1.0, kind, kind.hardest())?;
-    Ok(Action::Fault(
-        timed.fault,
-        entry.for_s.map(Ticks::from_secs_f64),
-    ))
+    Ok(Action::Fault(timed.fault, entry.for_s.map(Ticks::from_secs_f64)))
 }
 
 fn parsed<T: FromStr>(key: &str, value: &str) -> Result<T, String>
 where
     T::Err: Display,
 {
-    value
-        .parse()
-        .map_err(|error| format!("{key}={value}: {error}"))
+    value.parse().map_err(|error| format!("{key}={value}: {error}"))
 }
 
 #[cfg(test)]
@@ -253,8 +224,7 @@ mod tests {
             };
             for choice in sample.split('|') {
                 let line = format!("{} {choice}", first(usage));
-                line.parse::<Action>()
-                    .unwrap_or_else(|why| panic!("{line}: {why}"));
+                line.parse::<Action>().unwrap_or_else(|why| panic!("{line}: {why}"));
             }
         }
     }
@@ -262,14 +232,8 @@ mod tests {
     #[test]
     fn a_fault_is_told_how_hard_and_how_long() {
         let said = "fault long-stretch stretch_ms=3 probability=1 for_s=0.5";
-        let fault = Fault::LongStretch {
-            stretch: Ticks::from_ms(3),
-            probability: 1.0,
-        };
-        assert_eq!(
-            said.parse(),
-            Ok(Action::Fault(fault, Some(Ticks::from_ms(500))))
-        );
+        let fault = Fault::LongStretch { stretch: Ticks::from_ms(3), probability: 1.0 };
+        assert_eq!(said.parse(), Ok(Action::Fault(fault, Some(Ticks::from_ms(500)))));
         let fault = Fault::SdaHeld { clocks: 9 };
         assert_eq!("fault sda-held".parse(), Ok(Action::Fault(fault, None)));
     }

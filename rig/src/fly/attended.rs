@@ -24,11 +24,7 @@ pub struct Attended {
 impl Attended {
     /// A rig and its pilot.
     pub fn new(rig: Rig, pilot: Pilot) -> Self {
-        Self {
-            rig,
-            pilot,
-            bootloader: None,
-        }
+        Self { rig, pilot, bootloader: None }
     }
 
     /// Runs for `time`, after the station has sent `typed`. Gives the bytes that the image has

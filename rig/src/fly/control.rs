@@ -50,11 +50,7 @@ impl Control {
         let listener = UnixListener::bind(path)?;
         std::fs::set_permissions(path, Permissions::from_mode(0o600))?;
         listener.set_nonblocking(true)?;
-        Ok(Self {
-            listener,
-            path: path.to_owned(),
-            clients: Vec::new(),
-        })
+        Ok(Self { listener, path: path.to_owned(), clients: Vec::new() })
     }
 
     /// Answers the lines that have come, and waits for none.
@@ -68,8 +64,7 @@ impl Control {
             let line = Vec::new();
             self.clients.push(Client { stream, line });
         }
-        self.clients
-            .retain_mut(|client| client.serve(&mut answer).is_ok());
+        self.clients.retain_mut(|client| client.serve(&mut answer).is_ok());
     }
 }
 

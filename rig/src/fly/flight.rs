@@ -62,16 +62,9 @@ impl Setup {
     /// A default rig with `servo` and everything random from `seed`. Nothing is stored in its
     /// flash: the image refuses to arm until the servo's polarity is set.
     pub fn new(servo: ServoKind, seed: u64) -> Self {
-        let bench = BenchConfig {
-            servo: servo.model(),
-            ..BenchConfig::default()
-        };
+        let bench = BenchConfig { servo: servo.model(), ..BenchConfig::default() };
         Self {
-            rig: RigConfig {
-                seed,
-                bench,
-                ..RigConfig::default()
-            },
+            rig: RigConfig { seed, bench, ..RigConfig::default() },
             servo,
             gains: None,
             parameters: Vec::new(),
@@ -293,11 +286,7 @@ impl Ready {
         seconds: f64,
         progress: Watch<'_>,
     ) -> Flown<FlightRecord> {
-        let release = Release {
-            tilt_rad: [start_rad, 0.0],
-            rate_rad_s,
-            spin_rad_s: 0.0,
-        };
+        let release = Release { tilt_rad: [start_rad, 0.0], rate_rad_s, spin_rad_s: 0.0 };
         self.fly_from(&release, seconds, progress)
     }
 
@@ -478,10 +467,7 @@ fn missing(rig: &Rig, received: &Received, window: &Range<Ticks>) -> Missing {
         .collect();
     let servos = received.servos.iter().map(|m| f64::from(m.time_us));
     let samples = received.samples.iter().map(|m| m.time_us as f64);
-    let attitudes = received
-        .attitudes
-        .iter()
-        .map(|m| f64::from(m.time_ms) * 1e3 + 500.0);
+    let attitudes = received.attitudes.iter().map(|m| f64::from(m.time_ms) * 1e3 + 500.0);
     Missing {
         attitudes: events_without(&bursts, attitudes),
         servos: events_without(&steps, servos),
@@ -521,10 +507,7 @@ pub(crate) struct Mark {
 
 impl Mark {
     pub(crate) fn of(rig: &Rig) -> Self {
-        Self {
-            at: rig.now(),
-            counters: rig.counters(),
-        }
+        Self { at: rig.now(), counters: rig.counters() }
     }
 
     /// Share of the time between two marks for which the core was awake.

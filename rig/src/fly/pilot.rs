@@ -233,8 +233,7 @@ impl Pilot {
             Action::Fault(fault, length) => {
                 self.forget(FaultKind::of(fault));
                 rig.inject(*fault);
-                self.ending
-                    .extend(length.map(|length| (rig.now() + length, *fault)));
+                self.ending.extend(length.map(|length| (rig.now() + length, *fault)));
             }
             Action::Clear(kind) => {
                 for kind in kind.map_or(FaultKind::ALL.to_vec(), |kind| vec![kind]) {
@@ -267,8 +266,7 @@ impl Pilot {
 
     /// A fault of this kind does not end by itself any more.
     fn forget(&mut self, kind: FaultKind) {
-        self.ending
-            .retain(|(_, fault)| FaultKind::of(fault) != kind);
+        self.ending.retain(|(_, fault)| FaultKind::of(fault) != kind);
     }
 
     fn clamp(&mut self, rig: &mut Rig, by_hand: Option<bool>) {
@@ -323,10 +321,7 @@ impl Pilot {
 /// How the rudder answers the tilt, as a person beside the drone sees it.
 fn describe(drone: &Vehicle, axis: Axis) -> String {
     let up = |up: bool| if up { "up" } else { "down" };
-    let (tilt, rudder) = (
-        drone.tilt_rad()[axis.index()],
-        drone.rudders_rad()[axis.index()],
-    );
+    let (tilt, rudder) = (drone.tilt_rad()[axis.index()], drone.rudders_rad()[axis.index()]);
     // A rudder at a positive angle pushes the nose down, or the right side up.
     let (side, is_up) = match axis {
         Axis::Pitch => ("nose", tilt > 0.0),

@@ -40,11 +40,7 @@ impl Pty {
         let name = ptsname(&master, Vec::new())?;
         // Once it has been opened and closed, HUP tells whether a program has it open. The mode
         // stays.
-        let other = open(
-            name.as_c_str(),
-            OFlags::RDWR | OFlags::NOCTTY,
-            Mode::empty(),
-        )?;
+        let other = open(name.as_c_str(), OFlags::RDWR | OFlags::NOCTTY, Mode::empty())?;
         let mut mode = tcgetattr(&other)?;
         mode.make_raw();
         tcsetattr(&other, OptionalActions::Now, &mode)?;

@@ -185,10 +185,8 @@ impl RealTime {
     }
 
     fn measure_window(&mut self) {
-        let timing = LoopTiming::over(
-            self.attended.rig.truth(),
-            self.window_start..self.attended.rig.now(),
-        );
+        let timing =
+            LoopTiming::over(self.attended.rig.truth(), self.window_start..self.attended.rig.now());
         self.summary.steps += timing.steps;
         // Until the sensor has started, bursts come irregularly, and after a reset, too.
         let is_reset = |(at, _): &(Ticks, _)| *at >= self.window_start;

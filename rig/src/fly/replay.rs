@@ -65,9 +65,7 @@ pub fn replay(
     progress: &mut dyn FnMut(f64),
 ) -> Result<ReplayRecord, FlightError> {
     let mut rig = Rig::new(image, config)?;
-    rig.environment_mut()
-        .sensor
-        .play(recording.clone(), Ticks::ZERO);
+    rig.environment_mut().sensor.play(recording.clone(), Ticks::ZERO);
     let mut station = GroundStation::default();
     let begin = Mark::of(&rig);
     let end = Ticks::from_secs_f64(recording.duration_s().min(longest_s));
@@ -158,9 +156,7 @@ fn score(rig: &Rig, recording: &Recording, pairs: &[(RawImu, Attitude)]) -> (Opt
 /// parameters, and compares quaternions bit for bit.
 pub fn parity(parameters: &BTreeMap<String, f32>, pairs: &[(RawImu, Attitude)]) -> Parity {
     let mut params = Params::default();
-    let known = parameters
-        .iter()
-        .all(|(name, value)| params.set(name, *value).is_ok());
+    let known = parameters.iter().all(|(name, value)| params.set(name, *value).is_ok());
     let Ok(mut flight) = Flight::new(params, BootReport::default()) else {
         return Parity::default();
     };
@@ -168,12 +164,7 @@ pub fn parity(parameters: &BTreeMap<String, f32>, pairs: &[(RawImu, Attitude)]) 
     let mut parity = Parity::default();
     for (sample, attitude) in pairs {
         let time = Micros(sample.time_us);
-        let raw = RawSample {
-            time,
-            acc: sample.acc,
-            gyr: sample.gyr,
-            mag: sample.mag,
-        };
+        let raw = RawSample { time, acc: sample.acc, gyr: sample.gyr, mag: sample.mag };
         let host = flight.step(time, Ok(refresh.read(raw)));
         let host = host.orientation.parts();
         let host = [host.w, host.x, host.y, host.z].map(f32::to_bits);

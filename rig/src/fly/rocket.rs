@@ -55,32 +55,16 @@ impl Airframe {
     /// What its scheduled gains are made for, as `tvc tune --vehicle rocket` found it.
     pub fn design(self) -> Design {
         match self {
-            Self::Stable => Design {
-                natural_rad_s: 4.646,
-                damping: 0.642,
-                integral: 0.148,
-            },
-            Self::Unstable => Design {
-                natural_rad_s: 4.264,
-                damping: 0.702,
-                integral: 0.127,
-            },
+            Self::Stable => Design { natural_rad_s: 4.646, damping: 0.642, integral: 0.148 },
+            Self::Unstable => Design { natural_rad_s: 4.264, damping: 0.702, integral: 0.127 },
         }
     }
 
     /// The constant gains of the gimbal with which it flies best, as the same search found them.
     pub fn constant_gains(self) -> Gains {
         match self {
-            Self::Stable => Gains {
-                kp: 1.1108,
-                ki: 0.3533,
-                kd: 0.194,
-            },
-            Self::Unstable => Gains {
-                kp: 1.147,
-                ki: 0.2341,
-                kd: 0.1934,
-            },
+            Self::Stable => Gains { kp: 1.1108, ki: 0.3533, kd: 0.194 },
+            Self::Unstable => Gains { kp: 1.147, ki: 0.2341, kd: 0.1934 },
         }
     }
 
@@ -95,10 +79,8 @@ impl Airframe {
         let misalignment = direction();
         let [wind_north, wind_east] = direction();
         let [gust_north, gust_east] = direction();
-        let kicks = KICKS_S.map(|at_s| Kick {
-            at_s,
-            rates_rad_s: direction().map(|share| share * KICK_RAD_S),
-        });
+        let kicks = KICKS_S
+            .map(|at_s| Kick { at_s, rates_rad_s: direction().map(|share| share * KICK_RAD_S) });
         let [from_m, depth_m] = GUST_LAYER_M;
         let [rms_m_s, length_m] = TURBULENCE;
         RocketConfig {
@@ -111,11 +93,7 @@ impl Airframe {
                         depth_m,
                         peak_m_s: [gust_north * GUST_M_S, gust_east * GUST_M_S, 0.0],
                     }),
-                    turbulence: Some(Turbulence {
-                        rms_m_s,
-                        length_m,
-                        seed,
-                    }),
+                    turbulence: Some(Turbulence { rms_m_s, length_m, seed }),
                 },
                 ..AscentParameters::of(self.parameters())
             },
@@ -296,11 +274,7 @@ mod tests {
     #[test]
     fn gains_give_their_design() {
         let rocket = Rocket::new(&RocketParameters::SPICA).unwrap();
-        let design = Design {
-            natural_rad_s: 3.0,
-            damping: 0.8,
-            integral: 0.1,
-        };
+        let design = Design { natural_rad_s: 3.0, damping: 0.8, integral: 0.1 };
         let gains = design.gains(&rocket, 0.0);
         assert!((gains.kp - 9.0 / 12.4).abs() < 3e-3);
         assert!((gains.kd - 4.8 / 12.4).abs() < 3e-3);

@@ -54,10 +54,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Image, String> {
     let found = file
         .symbols()
         .filter(|symbol| {
-            matches!(
-                symbol.kind(),
-                SymbolKind::Text | SymbolKind::Data | SymbolKind::Unknown
-            )
+            matches!(symbol.kind(), SymbolKind::Text | SymbolKind::Data | SymbolKind::Unknown)
         })
         .filter_map(|symbol| Some((symbol.name().ok()?, symbol.address() as u32)))
         .filter(|(name, _)| !name.is_empty() && !name.starts_with('$'));
@@ -69,10 +66,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Image, String> {
         symbols.insert(name.to_owned(), symbol_address);
     }
     Ok(Image {
-        sizes: Sizes {
-            flash: flash.len() as u32,
-            static_ram,
-        },
+        sizes: Sizes { flash: flash.len() as u32, static_ram },
         address,
         bytes: flash,
         symbols,
@@ -131,10 +125,7 @@ mod tests {
             half(&mut file, v);
         }
         let size = code.len() as u32;
-        words(
-            &mut file,
-            &[PT_LOAD.0, 84, address, address, size, size, 5, 4],
-        );
+        words(&mut file, &[PT_LOAD.0, 84, address, address, size, size, 5, 4]);
         file.extend(code);
         words(&mut file, &[0; 10]);
         // A section of 100 bytes of zeroed RAM, then the table of names.
@@ -145,23 +136,14 @@ mod tests {
     }
 
     fn code(stack: u32) -> Vec<u8> {
-        [stack, 0x2009, 0xE7FE_E7FE]
-            .iter()
-            .flat_map(|w: &u32| w.to_le_bytes())
-            .collect()
+        [stack, 0x2009, 0xE7FE_E7FE].iter().flat_map(|w: &u32| w.to_le_bytes()).collect()
     }
 
     #[test]
     fn finds_flash_ram_and_stack() {
         let image = Image::parse("x", &elf(40, 0x2000, &code(0x2000_7800))).unwrap();
         assert_eq!(image.bytes(), code(0x2000_7800));
-        assert_eq!(
-            image.sizes(),
-            Sizes {
-                flash: 12,
-                static_ram: 100
-            }
-        );
+        assert_eq!(image.sizes(), Sizes { flash: 12, static_ram: 100 });
         assert_eq!(image.stack_top(), 0x2000_7800);
     }
 
@@ -185,9 +167,7 @@ mod tests {
         assert!(refusal(&elf(40, 0x2000, &code(0x1000))).contains("stack would begin"));
         assert!(refusal(&elf(40, 0x2000, &[1, 2])).contains("no vector table"));
         let mut large = elf(40, 0x2000, &code(0x2000_7800));
-        let at = large
-            .windows(4)
-            .position(|word| word == 100u32.to_le_bytes());
+        let at = large.windows(4).position(|word| word == 100u32.to_le_bytes());
         large[at.unwrap()..][..4].fill(0xFF);
         assert!(refusal(&large).contains("more than the chip's RAM"));
     }

@@ -70,10 +70,7 @@ impl Image {
         // What never ends is no image.
         let read =
             std::fs::File::open(path).and_then(|file| file.take(LONGEST).read_to_end(&mut bytes));
-        read.map_err(|source| ImageError::Read {
-            path: path.to_path_buf(),
-            source,
-        })?;
+        read.map_err(|source| ImageError::Read { path: path.to_path_buf(), source })?;
         Self::parse(&path.display().to_string(), &bytes)
     }
 
@@ -82,10 +79,7 @@ impl Image {
     /// # Errors
     /// [`ImageError::Format`].
     pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, ImageError> {
-        elf::parse(bytes).map_err(|reason| ImageError::Format {
-            name: name.to_owned(),
-            reason,
-        })
+        elf::parse(bytes).map_err(|reason| ImageError::Format { name: name.to_owned(), reason })
     }
 
     /// Address of the first byte: [`IMAGE_ADDRESS`], or 0 if it takes the bootloader's place.
@@ -121,9 +115,7 @@ impl Image {
 
     /// All symbols of code and data.
     pub fn symbols(&self) -> impl Iterator<Item = (&str, u32)> {
-        self.symbols
-            .iter()
-            .map(|(name, address)| (name.as_str(), *address))
+        self.symbols.iter().map(|(name, address)| (name.as_str(), *address))
     }
 
     /// The symbol at or before an address of code.

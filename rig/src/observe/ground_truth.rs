@@ -136,10 +136,7 @@ pub struct GroundTruth {
 impl GroundTruth {
     /// Forgets all that is over, as at the start of a measurement.
     pub fn clear(&mut self) {
-        *self = Self {
-            high: self.high,
-            ..Self::default()
-        };
+        *self = Self { high: self.high, ..Self::default() };
     }
 
     /// Finished pulses of an axis' servo.

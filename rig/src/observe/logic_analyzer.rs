@@ -142,20 +142,13 @@ impl LogicAnalyzer {
         let high = &mut truth.high[axis.index()];
         if level {
             let asked = &mut self.asked[axis.index()];
-            *high = Some(High {
-                rise: now,
-                asked: *asked,
-            });
+            *high = Some(High { rise: now, asked: *asked });
             let [newest, _] = asked.0;
             asked.0 = [newest; 2];
             return None;
         }
         let High { rise, asked } = high.take()?;
-        let pulse = Pulse {
-            rise,
-            fall: now,
-            asked,
-        };
+        let pulse = Pulse { rise, fall: now, asked };
         match axis {
             Axis::Pitch => truth.pulses.push(pulse),
             Axis::Roll => truth.roll_pulses.push(pulse),
@@ -188,9 +181,7 @@ impl LogicAnalyzer {
 fn close(words: [i16; FULL / 2], should_be: [i16; FULL / 2]) -> bool {
     let limits = VALID_COUNTS.iter().flat_map(|limit| [*limit; 3]);
     let pairs = words.iter().zip(should_be);
-    pairs
-        .zip(limits)
-        .all(|((word, should_be), limit)| word.abs_diff(should_be) <= limit)
+    pairs.zip(limits).all(|((word, should_be), limit)| word.abs_diff(should_be) <= limit)
 }
 
 #[cfg(test)]
@@ -205,13 +196,8 @@ mod tests {
         reply: I2cReply,
     ) {
         let registers = Registers {
-            refresh: Refresh {
-                at: Ticks::from_us(500),
-                recorded: None,
-            },
-            faultless: [
-                0x0100, 0x0302, 0x0504, 0x0706, 0x0908, 0x0B0A, 0x0D0C, 0x0F0E, 0x1110,
-            ],
+            refresh: Refresh { at: Ticks::from_us(500), recorded: None },
+            faultless: [0x0100, 0x0302, 0x0504, 0x0706, 0x0908, 0x0B0A, 0x0D0C, 0x0F0E, 0x1110],
         };
         analyzer.i2c(Ticks::from_us(us), event, reply, registers, truth);
     }
@@ -219,32 +205,17 @@ mod tests {
     #[test]
     fn a_burst_starts_one_byte_before_its_address_is_acknowledged() {
         let (mut analyzer, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
-        let start = |read| I2cEvent::Start {
-            address: 0x28,
-            read,
-        };
+        let start = |read| I2cEvent::Start { address: 0x28, read };
         let ack = I2cReply::ACK.stretched(Ticks::from_us(180));
         event(&mut analyzer, &mut truth, 1000, start(false), ack);
-        event(
-            &mut analyzer,
-            &mut truth,
-            1203,
-            I2cEvent::Write(ACC_DATA),
-            ack,
-        );
+        event(&mut analyzer, &mut truth, 1203, I2cEvent::Write(ACC_DATA), ack);
         event(&mut analyzer, &mut truth, 1410, start(true), ack);
         for i in 0..18u8 {
             let reply = I2cReply::data(i).stretched(Ticks::from_us(180));
             let at = 1600 + 200 * u64::from(i);
             event(&mut analyzer, &mut truth, at, I2cEvent::Read, reply);
         }
-        event(
-            &mut analyzer,
-            &mut truth,
-            5300,
-            I2cEvent::Stop,
-            I2cReply::NAK,
-        );
+        event(&mut analyzer, &mut truth, 5300, I2cEvent::Stop, I2cReply::NAK);
         let burst = truth.bursts[0];
         assert_eq!(burst.start, Ticks::from_us(977));
         assert_eq!(burst.end, Ticks::from_us(5300));
@@ -270,19 +241,10 @@ mod tests {
     #[test]
     fn other_reads_and_broken_bursts_do_not_count() {
         let (mut analyzer, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
-        let start = I2cEvent::Start {
-            address: 0x28,
-            read: false,
-        };
+        let start = I2cEvent::Start { address: 0x28, read: false };
         for (pointer, bytes) in [(0x3D, 18), (ACC_DATA, 17)] {
             event(&mut analyzer, &mut truth, 0, start, I2cReply::ACK);
-            event(
-                &mut analyzer,
-                &mut truth,
-                1,
-                I2cEvent::Write(pointer),
-                I2cReply::ACK,
-            );
+            event(&mut analyzer, &mut truth, 1, I2cEvent::Write(pointer), I2cReply::ACK);
             for _ in 0..bytes {
                 event(&mut analyzer, &mut truth, 2, I2cEvent::Read, I2cReply::ACK);
             }
@@ -296,14 +258,9 @@ mod tests {
     #[test]
     fn pulses_and_steps_need_both_edges() {
         let (mut analyzer, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
-        assert_eq!(
-            analyzer.servo(Ticks::from_us(5), Axis::Pitch, false, &mut truth),
-            None
-        );
+        assert_eq!(analyzer.servo(Ticks::from_us(5), Axis::Pitch, false, &mut truth), None);
         analyzer.servo(Ticks::from_us(10), Axis::Pitch, true, &mut truth);
-        let pulse = analyzer
-            .servo(Ticks::from_us(1533), Axis::Pitch, false, &mut truth)
-            .unwrap();
+        let pulse = analyzer.servo(Ticks::from_us(1533), Axis::Pitch, false, &mut truth).unwrap();
         assert_eq!(pulse.width_us(), 1523.0);
         assert!(!pulse.is_as_asked(0.0));
         analyzer.probe(Ticks::from_us(1), true, &mut truth);
@@ -331,11 +288,7 @@ mod tests {
         assert!(pulse(80_000, 1600, None) && !pulse(100_000, 1600, None));
         // Cut; and by a clock that is a tenth slow.
         assert!(!pulse(120_000, 900, None));
-        let slow = Pulse {
-            rise: us(0),
-            fall: us(1666),
-            asked: Asked([us(1500), Ticks::ZERO]),
-        };
+        let slow = Pulse { rise: us(0), fall: us(1666), asked: Asked([us(1500), Ticks::ZERO]) };
         assert!(!slow.is_as_asked(-0.09) && slow.is_as_asked(-0.1));
     }
 

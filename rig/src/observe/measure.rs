@@ -28,11 +28,7 @@ impl FromIterator<f64> for Spread {
         if count == 0 {
             return Self::default();
         }
-        Self {
-            mean: sum / count as f64,
-            max,
-            count,
-        }
+        Self { mean: sum / count as f64, max, count }
     }
 }
 
@@ -62,11 +58,7 @@ impl LoopTiming {
     /// Measures over `window`; pulses that rise after it do not count.
     pub fn over(truth: &GroundTruth, window: Range<Ticks>) -> Self {
         let within = |time: Ticks| window.contains(&time);
-        let bursts: Vec<&Burst> = truth
-            .bursts
-            .iter()
-            .filter(|burst| within(burst.start))
-            .collect();
+        let bursts: Vec<&Burst> = truth.bursts.iter().filter(|burst| within(burst.start)).collect();
         let cycle = cycle(&bursts);
         let periods: Spread = periods_us(&bursts, cycle).collect();
         let period = periods.mean / cycle as f64;
@@ -78,10 +70,7 @@ impl LoopTiming {
             jitter_us_max: periods_us(&bursts, cycle)
                 .map(|period| (period - periods.mean).abs())
                 .fold(0.0, f64::max),
-            cycles_per_step: steps
-                .clone()
-                .map(|step| (step.end - step.start).0 as f64)
-                .collect(),
+            cycles_per_step: steps.clone().map(|step| (step.end - step.start).0 as f64).collect(),
             latency_us: carried(truth)
                 .filter(|(burst, pulse)| within(burst.start) && within(pulse.rise))
                 .map(|(burst, pulse)| (pulse.rise - burst.start).as_us_f64())
@@ -163,18 +152,12 @@ mod tests {
                     start: us(begin),
                     acknowledged: us(begin + 23),
                     end: us(begin + 4300),
-                    refresh: Refresh {
-                        at: us(begin - 2000),
-                        recorded: None,
-                    },
+                    refresh: Refresh { at: us(begin - 2000), recorded: None },
                     words: [0; 9],
                     valid: true,
                     alone: false,
                 });
-                truth.steps.push(Step {
-                    start: us(begin + 4310),
-                    end: us(begin + 5310),
-                });
+                truth.steps.push(Step { start: us(begin + 4310), end: us(begin + 5310) });
             }
             truth.pulses.push(Pulse {
                 asked: Asked([us(1523); 2]),

@@ -68,9 +68,9 @@ impl HostLoop {
                 None
             };
             let reading = match &bytes {
-                Some(outcome) => self
-                    .driver
-                    .sample(time, outcome.as_deref().map_err(|error| *error)),
+                Some(outcome) => {
+                    self.driver.sample(time, outcome.as_deref().map_err(|error| *error))
+                }
                 None => Err(self.driver.missed()),
             };
             match reading {
@@ -107,11 +107,9 @@ impl HostLoop {
         while self.next_frame_us <= self.now.as_us() {
             let rise = Ticks::from_us(self.next_frame_us);
             self.next_frame_us += FRAME_US;
-            self.environment
-                .pin(rise, Wiring::NANO_33_IOT.servos[0], true);
+            self.environment.pin(rise, Wiring::NANO_33_IOT.servos[0], true);
             let fall = rise + Ticks::from_us(u64::from(self.pulse_us));
-            self.environment
-                .pin(fall, Wiring::NANO_33_IOT.servos[0], false);
+            self.environment.pin(fall, Wiring::NANO_33_IOT.servos[0], false);
         }
     }
 

@@ -77,14 +77,7 @@ impl Core {
         // What could be taken once PRIMASK is clear changes between bursts only.
         let nothing_pends = self.nvic.first_pending().is_none();
         let (code, flash, ram) = memory.parts();
-        let Self {
-            r,
-            flash_lines,
-            trail,
-            lowest_sp,
-            primask,
-            ..
-        } = self;
+        let Self { r, flash_lines, trail, lowest_sp, primask, .. } = self;
         let mut flags = self.flags;
         let mut pc = self.pc;
         let mut branches = self.branches;

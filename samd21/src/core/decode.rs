@@ -124,21 +124,12 @@ pub struct Instruction {
 use Operation::*;
 
 /// By bits 11:9 of the loads and stores with a register offset.
-const REGISTER_OFFSET: [Operation; 8] = [
-    Str,
-    Strh,
-    Strb,
-    LdrsbRegister,
-    Ldr,
-    Ldrh,
-    Ldrb,
-    LdrshRegister,
-];
+const REGISTER_OFFSET: [Operation; 8] =
+    [Str, Strh, Strb, LdrsbRegister, Ldr, Ldrh, Ldrb, LdrshRegister];
 
 /// By bits 11:8 of the conditional branches.
-const CONDITIONS: [Operation; 14] = [
-    Beq, Bne, Bcs, Bcc, Bmi, Bpl, Bvs, Bvc, Bhi, Bls, Bge, Blt, Bgt, Ble,
-];
+const CONDITIONS: [Operation; 14] =
+    [Beq, Bne, Bcs, Bcc, Bmi, Bpl, Bvs, Bvc, Bhi, Bls, Bge, Blt, Bgt, Ble];
 
 impl Instruction {
     /// The instruction at `pc`, where `op` stands and `second` behind it.
@@ -291,13 +282,7 @@ impl Instruction {
     const OTHER: Self = Self::new(Other, 0, 0, 0, 0);
 
     const fn new(operation: Operation, a: u8, b: u8, c: u8, imm: u32) -> Self {
-        Self {
-            operation,
-            a,
-            b,
-            c,
-            imm,
-        }
+        Self { operation, a, b, c, imm }
     }
 
     fn transfer(operation: Operation, base: u8, list: u32) -> Self {
@@ -317,10 +302,7 @@ pub(super) fn is_bl(encoding: u32) -> bool {
 
 /// Whether a 32-bit encoding is DSB, DMB or ISB.
 pub(super) fn is_barrier(encoding: u32) -> bool {
-    matches!(
-        encoding & 0xFFFF_FFF0,
-        0xF3BF_8F40 | 0xF3BF_8F50 | 0xF3BF_8F60
-    )
+    matches!(encoding & 0xFFFF_FFF0, 0xF3BF_8F40 | 0xF3BF_8F50 | 0xF3BF_8F60)
 }
 
 /// The offset of a BL from the address behind it: S:I1:I2:imm10:imm11:0.

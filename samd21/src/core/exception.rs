@@ -30,18 +30,12 @@ const RETURN_TO_THREAD_PSP: u32 = 0xFFFF_FFFD;
 impl Core {
     /// Whether a pending exception interrupts what runs now.
     pub(super) fn preempted(&self) -> bool {
-        self.nvic
-            .first_pending()
-            .is_some_and(|(_, priority)| priority < self.execution_priority())
+        self.nvic.first_pending().is_some_and(|(_, priority)| priority < self.execution_priority())
     }
 
     fn execution_priority(&self) -> i8 {
         let priority = self.nvic.active_priority();
-        if self.primask {
-            priority.min(0)
-        } else {
-            priority
-        }
+        if self.primask { priority.min(0) } else { priority }
     }
 
     /// Stacks the registers, then starts the handler of the exception that has the highest priority
@@ -78,8 +72,7 @@ impl Core {
             self.xpsr() | aligned,
         ];
         for (address, word) in (frame..).step_by(4).zip(words) {
-            self.store::<4>(bus, address, word)
-                .map_err(|trap| kind(*trap))?;
+            self.store::<4>(bus, address, word).map_err(|trap| kind(*trap))?;
         }
         Ok(())
     }

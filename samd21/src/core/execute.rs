@@ -103,11 +103,7 @@ impl Core {
     /// Any register as an operand.
     #[inline(always)]
     fn any(&self, register: usize, pc: u32) -> u32 {
-        if register == PC {
-            pc.wrapping_add(4)
-        } else {
-            self.r[register]
-        }
+        if register == PC { pc.wrapping_add(4) } else { self.r[register] }
     }
 
     /// Writes any register and returns the cycles of the instruction that does.

@@ -14,11 +14,7 @@ pub(super) struct Flags {
 impl Default for Flags {
     /// All clear.
     fn default() -> Self {
-        Self {
-            nz: 1,
-            c: false,
-            v: 0,
-        }
+        Self { nz: 1, c: false, v: 0 }
     }
 }
 
@@ -139,11 +135,7 @@ const fn rule(invert: bool, exclusive: bool, both: bool) -> Rule {
     const fn mask(is_set: bool) -> u32 {
         if is_set { u32::MAX } else { 0 }
     }
-    Rule {
-        invert: mask(invert),
-        exclusive: mask(exclusive),
-        both: mask(both),
-    }
+    Rule { invert: mask(invert), exclusive: mask(exclusive), both: mask(both) }
 }
 
 /// By the order of `Operation`: AND, EOR, BIC, MVN.

@@ -63,10 +63,7 @@ type Outcome<T> = Result<T, Box<Trap>>;
 
 #[cold]
 fn undefined(op: u16) -> Box<Trap> {
-    Trap::Fault(FaultKind::Undefined {
-        encoding: u32::from(op),
-    })
-    .into()
+    Trap::Fault(FaultKind::Undefined { encoding: u32::from(op) }).into()
 }
 
 /// A time in parts of a tick; what is later than the core can count is never.
@@ -318,8 +315,7 @@ impl Core {
             self.cycle = cycle;
         }
         self.wait_states = u64::from(
-            self.forced_wait_states
-                .unwrap_or_else(|| bus.peripherals.flash_wait_states()),
+            self.forced_wait_states.unwrap_or_else(|| bus.peripherals.flash_wait_states()),
         );
         if let Some(cause) = bus.peripherals.take_reset() {
             self.reset_request = Some(cause);
@@ -418,11 +414,7 @@ impl Core {
 
     /// MSP and PSP.
     fn stack_pointers(&self) -> (u32, u32) {
-        if self.uses_psp() {
-            (self.other_sp, self.r[SP])
-        } else {
-            (self.r[SP], self.other_sp)
-        }
+        if self.uses_psp() { (self.other_sp, self.r[SP]) } else { (self.r[SP], self.other_sp) }
     }
 
     /// xPSR, without the stack alignment that only a stacked one has.
@@ -505,14 +497,7 @@ impl Core {
         let mut r = [0; 16];
         r[..PC].copy_from_slice(&self.r[..PC]);
         r[PC] = self.pc;
-        Registers {
-            r,
-            xpsr: self.xpsr(),
-            primask: self.primask,
-            spsel: self.spsel,
-            msp,
-            psp,
-        }
+        Registers { r, xpsr: self.xpsr(), primask: self.primask, spsel: self.spsel, msp, psp }
     }
 
     /// Sets what a debugger may set: R0 to R12, LR, PC, flags, PRIMASK, CONTROL.SPSEL in Thread

@@ -40,13 +40,7 @@ impl Default for Nvic {
         let mut priorities = [0; EXCEPTIONS];
         priorities[usize::from(NMI)] = -2;
         priorities[usize::from(HARD_FAULT)] = -1;
-        Self {
-            pending: 0,
-            active: 0,
-            enabled: SYSTEM,
-            lines: 0,
-            priorities,
-        }
+        Self { pending: 0, active: 0, enabled: SYSTEM, lines: 0, priorities }
     }
 }
 
@@ -162,11 +156,7 @@ mod tests {
         nvic.enabled |= exceptions(0b111);
         nvic.set_priority_word(IRQ0, 0x0040_4080);
         nvic.pending |= exceptions(0b1111);
-        assert_eq!(
-            nvic.first_pending(),
-            Some((IRQ0 + 1, 1)),
-            "irq 3 is not enabled"
-        );
+        assert_eq!(nvic.first_pending(), Some((IRQ0 + 1, 1)), "irq 3 is not enabled");
         nvic.pend(PENDSV);
         assert_eq!(nvic.first_pending(), Some((PENDSV, 0)));
         nvic.pend(HARD_FAULT);
@@ -204,11 +194,7 @@ mod tests {
         nvic.set_priority_word(IRQ0 + 28, 0xFFFF_FFFF);
         assert_eq!(nvic.priority_word(IRQ0 + 28), 0xC0C0_C0C0);
         nvic.set_priority_word(12, 0xFFFF_FFFF);
-        assert_eq!(
-            nvic.priority_word(12),
-            0xC0C0_0000,
-            "12 and 13 do not exist"
-        );
+        assert_eq!(nvic.priority_word(12), 0xC0C0_0000, "12 and 13 do not exist");
         nvic.set_priority_word(0, 0xFFFF_FFFF);
         assert_eq!(nvic.priority(HARD_FAULT), -1);
     }

@@ -19,9 +19,7 @@ pub struct Profile {
 impl Profile {
     /// Exception number (0 in Thread mode), address of the instruction, cycles.
     pub fn iter(&self) -> impl Iterator<Item = (u8, u32, u64)> {
-        self.cycles
-            .iter()
-            .map(|(&(e, pc), &cycles)| (e, pc, cycles))
+        self.cycles.iter().map(|(&(e, pc), &cycles)| (e, pc, cycles))
     }
 
     /// All cycles: as much as [`Counters::cycles`](super::Counters::cycles) has grown by.
@@ -77,9 +75,7 @@ mod tests {
     fn a_hand_written_image_gives_the_cycles_of_the_manual() {
         let mut chip = Chip::new(Options::default());
         // Stack pointer and entry point; then MOVS R0, #3; SUBS R0, #1; BNE back; B to itself.
-        let code = [
-            0, 0x80, 0, 0x20, 9, 0, 0, 0, 3, 0x20, 1, 0x38, 0xFD, 0xD1, 0xFE, 0xE7,
-        ];
+        let code = [0, 0x80, 0, 0x20, 9, 0, 0, 0, 3, 0x20, 1, 0x38, 0xFD, 0xD1, 0xFE, 0xE7];
         chip.load_flash(0, &code);
         chip.boot(0);
         let before = chip.counters().cycles;

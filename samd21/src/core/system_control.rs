@@ -37,11 +37,8 @@ const AIRCR_READ: u32 = 0xFA05_0000;
 const SYSRESETREQ: u32 = 1 << 2;
 
 /// What ICSR pends, with the bits that set and clear it.
-const PENDABLE: [(u8, u32, u32); 3] = [
-    (NMI, 1 << 31, 0),
-    (PENDSV, 1 << 28, 1 << 27),
-    (SYSTICK, 1 << 26, 1 << 25),
-];
+const PENDABLE: [(u8, u32, u32); 3] =
+    [(NMI, 1 << 31, 0), (PENDSV, 1 << 28, 1 << 27), (SYSTICK, 1 << 26, 1 << 25)];
 const ICSR_ISRPENDING: u32 = 1 << 22;
 
 pub(super) const SCR_SLEEPONEXIT: u32 = 1 << 1;
@@ -111,19 +108,12 @@ impl Core {
     }
 
     fn icsr(&self) -> u32 {
-        let first = self
-            .nvic
-            .first_pending()
-            .map_or(0, |(exception, _)| exception);
+        let first = self.nvic.first_pending().map_or(0, |(exception, _)| exception);
         let waits = irqs(self.nvic.pending) != 0;
         let mut icsr = u32::from(self.ipsr) | u32::from(first) << 12;
         icsr |= if waits { ICSR_ISRPENDING } else { 0 };
         for (exception, set, _) in PENDABLE {
-            icsr |= if self.nvic.is_pending(exception) {
-                set
-            } else {
-                0
-            };
+            icsr |= if self.nvic.is_pending(exception) { set } else { 0 };
         }
         icsr
     }

@@ -39,13 +39,7 @@ pub(super) struct SysTick {
 impl Default for SysTick {
     /// The state after reset (the architecture leaves RVR and CVR unknown; here zero).
     fn default() -> Self {
-        Self {
-            control: 0,
-            reload: 0,
-            held: 0,
-            zero_at: u64::MAX,
-            period: 0,
-        }
+        Self { control: 0, reload: 0, held: 0, zero_at: u64::MAX, period: 0 }
     }
 }
 

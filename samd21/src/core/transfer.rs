@@ -9,11 +9,7 @@ impl Core {
     pub(super) fn store_block(&mut self, bus: &mut Bus<'_>, i: Instruction) -> Outcome<u32> {
         let (base, count) = (self.r[usize::from(i.a)], u32::from(i.c));
         let pushes = i.operation == Operation::Push;
-        let mut address = if pushes {
-            base.wrapping_sub(4 * count)
-        } else {
-            base
-        };
+        let mut address = if pushes { base.wrapping_sub(4 * count) } else { base };
         let lowest = address;
         for bit in bits(i.imm as u16) {
             let register = if bit == 8 { LR } else { bit };

@@ -70,10 +70,7 @@ impl Lanes {
     /// `value` of `bytes` (1, 2 or 4) bytes at byte `offset` (0 to 3) of the word.
     pub(crate) fn new(value: u32, offset: u32, bytes: u32) -> Self {
         let mask = (u32::MAX >> (32 - 8 * bytes)) << (8 * offset);
-        Self {
-            value: (value << (8 * offset)) & mask,
-            mask,
-        }
+        Self { value: (value << (8 * offset)) & mask, mask }
     }
 
     /// A write of the whole word.

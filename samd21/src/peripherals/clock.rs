@@ -32,10 +32,7 @@ impl Rate {
         while b != 0 {
             (a, b) = (b, a % b);
         }
-        Self {
-            ticks: ticks / a,
-            cycles: cycles / a,
-        }
+        Self { ticks: ticks / a, cycles: cycles / a }
     }
 
     /// This clock divided by `divisor`, at least 1.
@@ -111,11 +108,7 @@ impl<const N: usize> SyncFlags<N> {
 
     /// Sets flag `bit` for the hold time, or without a clock for ever.
     pub(crate) fn begin(&mut self, now: Ticks, bit: usize) {
-        self.until[bit] = if self.clocked {
-            now + self.hold
-        } else {
-            Ticks::NEVER
-        };
+        self.until[bit] = if self.clocked { now + self.hold } else { Ticks::NEVER };
     }
 
     /// Whether flag `bit` is set.
@@ -132,18 +125,14 @@ impl<const N: usize> SyncFlags<N> {
     /// ever, and refused.
     pub(crate) fn stall(&self, now: Ticks, bit: usize) -> Write {
         match self.until[bit] {
-            Ticks::NEVER => Err(Refusal::Forbidden(
-                "no generic clock: the bus stalls for ever",
-            )),
+            Ticks::NEVER => Err(Refusal::Forbidden("no generic clock: the bus stalls for ever")),
             _ => Ok(self.remaining(now, bit)),
         }
     }
 
     /// All flags as a register.
     pub(crate) fn bits(&self, now: Ticks) -> u32 {
-        (0..N).fold(0, |bits, bit| {
-            bits | u32::from(self.is_busy(now, bit)) << bit
-        })
+        (0..N).fold(0, |bits, bit| bits | u32::from(self.is_busy(now, bit)) << bit)
     }
 }
 

@@ -25,14 +25,7 @@ struct Run {
 impl Run {
     /// Counts on from `from` at `now`; the ramp's length is to be set.
     fn new(rate: Rate, now: Ticks, from: u32, down: bool) -> Self {
-        Self {
-            rate,
-            origin: now,
-            start: 0,
-            from,
-            down,
-            length: 1 << 32,
-        }
+        Self { rate, origin: now, start: 0, from, down, length: 1 << 32 }
     }
 
     /// Lets a ramp up end behind `top`, or behind `max` if COUNT is beyond `top` already, and one
@@ -62,11 +55,8 @@ impl Run {
 
     /// When COUNT will meet `value` on this ramp, [`Ticks::NEVER`] if it has or will not.
     fn next_match(&self, now: Ticks, value: u32) -> Ticks {
-        let way = if self.down {
-            self.from.checked_sub(value)
-        } else {
-            value.checked_sub(self.from)
-        };
+        let way =
+            if self.down { self.from.checked_sub(value) } else { value.checked_sub(self.from) };
         way.map(u64::from)
             .filter(|&way| way < self.length)
             .map(|way| self.time_of(way))
@@ -126,17 +116,12 @@ impl<const N: usize> Default for Counter<N> {
 impl<const N: usize> Counter<N> {
     /// A counter that stands at 0 with the clock of this one: after a software reset.
     pub(crate) fn fresh(&self) -> Self {
-        Self {
-            clock: self.clock,
-            ..Self::default()
-        }
+        Self { clock: self.clock, ..Self::default() }
     }
 
     /// The next overflow or match.
     pub(crate) fn next(&self) -> Ticks {
-        self.next_match
-            .into_iter()
-            .fold(self.next_overflow, Ticks::min)
+        self.next_match.into_iter().fold(self.next_overflow, Ticks::min)
     }
 
     pub(crate) fn count(&self, now: Ticks) -> u32 {

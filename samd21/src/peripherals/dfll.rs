@@ -47,11 +47,7 @@ impl Dfll {
 
     /// As after a reset: the error is the silicon's.
     pub(super) fn after_reset(&self) -> Self {
-        Self {
-            coarse: 0,
-            fine: 0.0,
-            ..self.clone()
-        }
+        Self { coarse: 0, fine: 0.0, ..self.clone() }
     }
 
     /// Writes DFLLVAL.
@@ -123,9 +119,7 @@ mod tests {
         let mut dfll = running(-31_000);
         assert!((dfll.rate(Ticks::ZERO).hz() - 46.512e6).abs() < 1e3);
         // 3.1 % are 134.8 steps, ten at a time.
-        let packets = (1..)
-            .take_while(|_| !dfll.regulate(Ticks::ZERO, 10))
-            .count();
+        let packets = (1..).take_while(|_| !dfll.regulate(Ticks::ZERO, 10)).count();
         assert_eq!(packets, 13);
         assert_eq!(dfll.rate(Ticks::ZERO), Rate::from_hz(48_000_000));
         let mut next = running(-31_000);

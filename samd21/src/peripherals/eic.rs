@@ -124,10 +124,7 @@ impl Eic {
                 if let Some(ctrl) = lanes.byte(0) {
                     stall = self.sync.stall(bus.now, 0)?;
                     if ctrl & SWRST != 0 {
-                        *self = Self {
-                            sync: self.sync.clone(),
-                            ..Self::new(SyncHold::Instant)
-                        };
+                        *self = Self { sync: self.sync.clone(), ..Self::new(SyncHold::Instant) };
                     } else {
                         self.enabled = ctrl & ENABLE != 0;
                     }

@@ -89,9 +89,7 @@ impl Refusal {
 
 impl fmt::Display for BusError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            addr, peripheral, ..
-        } = self;
+        let Self { addr, peripheral, .. } = self;
         let place = format!("{peripheral} at {addr:#010x}");
         match self.refusal {
             Refusal::Unmapped => write!(f, "nothing at {addr:#010x}"),

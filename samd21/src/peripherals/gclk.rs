@@ -115,9 +115,7 @@ impl Gclk {
     pub(crate) fn clock(&self, id: usize) -> Option<Rate> {
         let entry = self.clocks[id];
         let generator = usize::from(entry >> 8 & 0xF);
-        (entry & CLKEN != 0)
-            .then(|| self.rates.get(generator).copied().flatten())
-            .flatten()
+        (entry & CLKEN != 0).then(|| self.rates.get(generator).copied().flatten()).flatten()
     }
 
     /// Works out all rates anew from the oscillators.
@@ -146,11 +144,7 @@ impl Gclk {
             _ => 8,
         };
         let div = u64::from(self.divisor.of[index] >> 8 & 0xFFFF) & ((1 << bits) - 1);
-        if self.control.of[index] & DIVSEL != 0 {
-            1 << (div + 1).min(bits + 1)
-        } else {
-            div.max(1)
-        }
+        if self.control.of[index] & DIVSEL != 0 { 1 << (div + 1).min(bits + 1) } else { div.max(1) }
     }
 
     /// A bit of a register flips: see [`upset`](crate::upset).
@@ -235,11 +229,7 @@ mod tests {
     use crate::peripherals::violations::Violations;
 
     fn write(gclk: &mut Gclk, now: Ticks, offset: u32, lanes: Lanes) -> Ticks {
-        let mut bus = Bus {
-            now,
-            board: &mut Unconnected,
-            violations: &mut Violations::default(),
-        };
+        let mut bus = Bus { now, board: &mut Unconnected, violations: &mut Violations::default() };
         gclk.write(&mut bus, offset, lanes).unwrap()
     }
 
@@ -264,23 +254,13 @@ mod tests {
         };
         // Generator 3: OSCULP32K / 32, as a watchdog wants it.
         write(&mut gclk, Ticks::ZERO, 0x08, Lanes::word(3 | 32 << 8));
-        write(
-            &mut gclk,
-            Ticks::ZERO,
-            0x04,
-            Lanes::word(3 | 3 << 8 | GENEN),
-        );
+        write(&mut gclk, Ticks::ZERO, 0x04, Lanes::word(3 | 3 << 8 | GENEN));
         route(&mut gclk, 0x03, 3);
         gclk.resolve(Ticks::ZERO, &Sysctrl::new(&Options::default()));
         assert_eq!(hz(gclk.clock(WDT)), 1024.0);
         // The same with DIVSEL: 2^(4+1).
         write(&mut gclk, Ticks::ZERO, 0x08, Lanes::word(3 | 4 << 8));
-        write(
-            &mut gclk,
-            Ticks::ZERO,
-            0x04,
-            Lanes::word(3 | 3 << 8 | GENEN | DIVSEL),
-        );
+        write(&mut gclk, Ticks::ZERO, 0x04, Lanes::word(3 | 3 << 8 | GENEN | DIVSEL));
         gclk.resolve(Ticks::ZERO, &Sysctrl::new(&Options::default()));
         assert_eq!(hz(gclk.clock(WDT)), 1024.0);
     }
@@ -298,10 +278,8 @@ mod tests {
 
     #[test]
     fn a_write_during_synchronisation_stalls_the_bus() {
-        let mut gclk = Gclk::new(&Options {
-            syncbusy_hold: SyncHold::For(Ticks(100)),
-            ..Options::default()
-        });
+        let mut gclk =
+            Gclk::new(&Options { syncbusy_hold: SyncHold::For(Ticks(100)), ..Options::default() });
         assert_eq!(write(&mut gclk, Ticks(0), 0x08, Lanes::word(3)), Ticks(0));
         assert_eq!(gclk.read(Ticks(99), 0x00).unwrap() & 0x8000, 0x8000);
         assert_eq!(write(&mut gclk, Ticks(40), 0x08, Lanes::word(3)), Ticks(60));

@@ -16,10 +16,7 @@ pub(crate) struct Interrupts<const FLAGS: u32> {
 
 impl<const FLAGS: u32> Interrupts<FLAGS> {
     pub(super) fn of(block: Block) -> Self {
-        Self {
-            line: entry(block).irq,
-            ..Self::default()
-        }
+        Self { line: entry(block).irq, ..Self::default() }
     }
 
     /// Whether an enabled flag is set.

@@ -46,17 +46,11 @@ pub(super) struct Entry {
 
 impl Entry {
     const fn irq(self, line: u32) -> Self {
-        Self {
-            irq: 1 << line,
-            ..self
-        }
+        Self { irq: 1 << line, ..self }
     }
 
     const fn wired(self, line: u32, clock: usize) -> Self {
-        Self {
-            clock: Some(clock),
-            ..self.irq(line)
-        }
+        Self { clock: Some(clock), ..self.irq(line) }
     }
 
     /// `addr`, relative to the peripheral's first address.
@@ -156,13 +150,7 @@ mod tests {
             }
         }
         assert_eq!(find(0x6000_0028).map(|found| found.name), Some("PORT"));
-        for addr in [
-            0x3FFF_FFFC,
-            0x4000_1C00,
-            0x4100_1000,
-            0x4200_5400,
-            0x6000_0400,
-        ] {
+        for addr in [0x3FFF_FFFC, 0x4000_1C00, 0x4100_1000, 0x4200_5400, 0x6000_0400] {
             assert!(find(addr).is_none(), "{addr:#010x}");
         }
     }

@@ -201,16 +201,11 @@ impl Peripherals {
         memory: &mut Memory,
         board: &mut dyn Board,
     ) -> Result<Ticks, BusError> {
-        let bus = &mut Bus {
-            now,
-            board,
-            violations: &mut self.violations,
-        };
+        let bus = &mut Bus { now, board, violations: &mut self.violations };
         let stall = if !addr.is_multiple_of(width.bytes()) {
             Err(Refusal::Misaligned)
         } else if addr < FLASH_SIZE {
-            self.nvmctrl
-                .load_page_buffer(bus, addr, width.bytes(), value, memory)
+            self.nvmctrl.load_page_buffer(bus, addr, width.bytes(), value, memory)
         } else {
             let lanes = Lanes::new(value, addr & 3, width.bytes());
             self.write_word(now, addr & !3, lanes, memory, board)
@@ -230,11 +225,7 @@ impl Peripherals {
         if self.pac.protects(entry.bridge, entry.index) {
             return Err(Refusal::Protected);
         }
-        let bus = &mut Bus {
-            now,
-            board,
-            violations: &mut self.violations,
-        };
+        let bus = &mut Bus { now, board, violations: &mut self.violations };
         let offset = entry.offset(addr);
         let stall = match entry.block {
             Block::Pac(index) => self.pac.write(index, offset, lanes),
@@ -289,9 +280,7 @@ impl Peripherals {
     /// The multiplexers of pins may have changed: the SERCOM that they connect to the board's I2C
     /// bus, and whether USB has its pads.
     fn connect_pads(&mut self, board: &dyn Board) {
-        let master = board
-            .i2c_pins()
-            .and_then(|lines| self.port.i2c_master(lines));
+        let master = board.i2c_pins().and_then(|lines| self.port.i2c_master(lines));
         for (index, sercom) in self.sercom.iter_mut().enumerate() {
             sercom.connected = master == Some(index);
         }
@@ -315,11 +304,7 @@ impl Peripherals {
             self.sysctrl.advance(now);
             self.retime(now);
         }
-        let bus = &mut Bus {
-            now,
-            board,
-            violations: &mut self.violations,
-        };
+        let bus = &mut Bus { now, board, violations: &mut self.violations };
         for sercom in &mut self.sercom {
             if sercom.next() <= now {
                 sercom.advance(bus);
@@ -434,17 +419,10 @@ impl Peripherals {
     /// PORT's registers are written as they are read.
     fn flip_port(&mut self, now: Ticks, offset: u32, bit: u32, board: &mut dyn Board) -> bool {
         let stored = matches!(offset & 0x7F, 0x00 | 0x10 | 0x30..0x60);
-        let Some(word) = stored
-            .then(|| self.port.read(now, offset, board).ok())
-            .flatten()
-        else {
+        let Some(word) = stored.then(|| self.port.read(now, offset, board).ok()).flatten() else {
             return false;
         };
-        let bus = &mut Bus {
-            now,
-            board,
-            violations: &mut self.violations,
-        };
+        let bus = &mut Bus { now, board, violations: &mut self.violations };
         let flipped = Lanes::new(word ^ 1 << bit, 0, 4);
         // What is refused has been written nonetheless.
         let _ = self.port.write(bus, offset, flipped);
@@ -494,14 +472,7 @@ impl Peripherals {
 /// Adds to a refusal where it was.
 #[cold]
 fn refused(addr: u32, refusal: Refusal) -> BusError {
-    let peripheral = if addr < FLASH_SIZE {
-        "NVMCTRL"
-    } else {
-        map::find(addr).map_or("", |entry| entry.name)
-    };
-    BusError {
-        addr,
-        peripheral,
-        refusal,
-    }
+    let peripheral =
+        if addr < FLASH_SIZE { "NVMCTRL" } else { map::find(addr).map_or("", |entry| entry.name) };
+    BusError { addr, peripheral, refusal }
 }

@@ -104,10 +104,7 @@ mod tests {
             A23 31 51, A24 32 52, A25 33 53, A30 -- 12, A31 -- 13, B02 -- 50, B03 -- 51, \
             B08 -- 40, B09 -- 41, B10 -- 42, B11 -- 43, B22 -- 52, B23 -- 53";
         let mut expected = table.split(", ");
-        for pin in (0..64).map(|n| Pin {
-            group: n / 32,
-            index: n % 32,
-        }) {
+        for pin in (0..64).map(|n| Pin { group: n / 32, index: n % 32 }) {
             let pads = [FUNCTION_C, FUNCTION_D].map(|function| sercom_pad(pin, function));
             if pads == [None; 2] {
                 continue;

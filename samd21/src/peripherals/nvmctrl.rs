@@ -121,11 +121,7 @@ impl Nvmctrl {
 
     /// When the command going on ends.
     pub(crate) fn next(&self, after: Ticks) -> Ticks {
-        if self.busy_until > after {
-            self.busy_until
-        } else {
-            Ticks::NEVER
-        }
+        if self.busy_until > after { self.busy_until } else { Ticks::NEVER }
     }
 
     fn flags(&self, now: Ticks) -> u32 {
@@ -254,13 +250,11 @@ impl Nvmctrl {
 
     /// Keeps what is at `address`, for a reset that may come before the command's end.
     fn begin(&mut self, bus: &Bus<'_>, memory: &Memory, address: u32, length: u32) {
-        self.command = memory
-            .bytes(address, length as usize)
-            .map(|before| Command {
-                since: bus.now,
-                address,
-                before: before.into(),
-            });
+        self.command = memory.bytes(address, length as usize).map(|before| Command {
+            since: bus.now,
+            address,
+            before: before.into(),
+        });
     }
 
     /// A reset: a command that has not ended leaves flash as far as it has come.
@@ -307,11 +301,7 @@ mod tests {
     use crate::peripherals::violations::Violations;
 
     fn nvmctrl(user_row: UserRow) -> Nvmctrl {
-        Nvmctrl::new(&Options {
-            serial_number: [1, 2, 3, 4],
-            user_row,
-            ..Options::default()
-        })
+        Nvmctrl::new(&Options { serial_number: [1, 2, 3, 4], user_row, ..Options::default() })
     }
 
     struct Rig {
@@ -335,9 +325,7 @@ mod tests {
                 board: &mut Unconnected,
                 violations: &mut Violations::default(),
             };
-            self.nvmctrl
-                .write(&mut bus, offset, Lanes::word(value), &mut self.memory)
-                .unwrap()
+            self.nvmctrl.write(&mut bus, offset, Lanes::word(value), &mut self.memory).unwrap()
         }
 
         fn load(&mut self, addr: u32, bytes: u32, value: u32) -> Write {
@@ -346,8 +334,7 @@ mod tests {
                 board: &mut Unconnected,
                 violations: &mut Violations::default(),
             };
-            self.nvmctrl
-                .load_page_buffer(&mut bus, addr, bytes, value, &mut self.memory)
+            self.nvmctrl.load_page_buffer(&mut bus, addr, bytes, value, &mut self.memory)
         }
     }
 

@@ -23,9 +23,7 @@ pub(crate) struct Pac {
 impl Pac {
     pub(crate) fn new() -> Self {
         // From reset only the DSU is protected.
-        Self {
-            protected: [0, 1 << 1, 0],
-        }
+        Self { protected: [0, 1 << 1, 0] }
     }
 
     /// Whether writes to peripheral `index` of a bridge fail.

@@ -73,19 +73,12 @@ pub(crate) struct Port {
 impl Port {
     /// All pins.
     pub(crate) fn pins() -> impl Iterator<Item = Pin> {
-        (0..64).map(|number| Pin {
-            group: number / 32,
-            index: number % 32,
-        })
+        (0..64).map(|number| Pin { group: number / 32, index: number % 32 })
     }
 
     /// Registers as after a reset; the board is yet to learn of the pins that thereby change.
     pub(crate) fn reset(&mut self) {
-        *self = Self {
-            changed: self.changed,
-            unpublished: true,
-            ..Self::default()
-        };
+        *self = Self { changed: self.changed, unpublished: true, ..Self::default() };
     }
 
     /// Tells the board what a reset has changed.
@@ -108,9 +101,7 @@ impl Port {
 
     /// Whether PA24 and PA25 belong to USB.
     pub(crate) fn usb_routed(&self) -> bool {
-        [Pin::a(24), Pin::a(25)]
-            .iter()
-            .all(|&pin| self.function(pin) == Some(FUNCTION_G))
+        [Pin::a(24), Pin::a(25)].iter().all(|&pin| self.function(pin) == Some(FUNCTION_G))
     }
 
     /// The multiplexer's choice for external interrupts.
@@ -213,10 +204,7 @@ impl Port {
             0x00..=0x0C => group.dir,
             0x10..=0x1C => group.out,
             0x20 => (0..32).fold(0, |levels, pin| {
-                let pin = Pin {
-                    group: index,
-                    index: pin,
-                };
+                let pin = Pin { group: index, index: pin };
                 let sampled = group.pincfg[usize::from(pin.index)] & INEN != 0;
                 levels | u32::from(sampled && self.level(now, pin, board)) << pin.index
             }),
@@ -316,9 +304,7 @@ fn group_of(offset: u32) -> Result<u8, Refusal> {
 
 /// Four bytes of a byte array as a register word.
 fn word(bytes: &[u8], start: u32) -> u32 {
-    (0..4).fold(0, |word, byte| {
-        word | u32::from(bytes[(start + byte) as usize]) << (8 * byte)
-    })
+    (0..4).fold(0, |word, byte| word | u32::from(bytes[(start + byte) as usize]) << (8 * byte))
 }
 
 #[cfg(test)]

@@ -420,9 +420,6 @@ mod tests {
     #[test]
     fn writing_an_undemanded_dfll_is_refused() {
         let mut sysctrl = Sysctrl::new(&Options::default());
-        assert!(matches!(
-            write(&mut sysctrl, 0, 0x28, 0),
-            Err(Refusal::Forbidden(_))
-        ));
+        assert!(matches!(write(&mut sysctrl, 0, 0x28, 0), Err(Refusal::Forbidden(_))));
     }
 }

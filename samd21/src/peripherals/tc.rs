@@ -302,8 +302,7 @@ mod tests {
         }
 
         fn half(&mut self, offset: u32, value: u32) -> Ticks {
-            self.write(offset & !3, Lanes::new(value, offset & 3, 2))
-                .unwrap()
+            self.write(offset & !3, Lanes::new(value, offset & 3, 2)).unwrap()
         }
 
         fn run_to(&mut self, until: u64) {
@@ -372,8 +371,7 @@ mod tests {
     fn oneshot_stops_at_the_overflow_until_retriggered() {
         let mut rig = Rig::new(SyncHold::Instant);
         rig.half(0x18, 99);
-        rig.write(0x04, Lanes::new(u32::from(ONESHOT), 1, 1))
-            .unwrap();
+        rig.write(0x04, Lanes::new(u32::from(ONESHOT), 1, 1)).unwrap();
         rig.half(0x00, 1 << 5 | ENABLE);
         rig.run_to(1000);
         assert_eq!(rig.read(0x0C) >> 24, u32::from(STOP));

@@ -20,10 +20,7 @@ fn the_hal_starts_48_mhz_with_and_without_held_synchronisation() {
 
 /// A chip whose DFLL is 3.1 % slow, with its clocks started.
 fn slow_clocks() -> Bench {
-    let options = Options {
-        dfll_error_ppm: -31_000,
-        ..Options::default()
-    };
+    let options = Options { dfll_error_ppm: -31_000, ..Options::default() };
     let mut bench = Bench::with(&options, Unconnected);
     bench.start_clocks();
     bench
@@ -67,10 +64,7 @@ fn a_slow_dfll_slows_core_and_timers_until_frames_come() {
 fn the_watchdogs_clock_follows_the_slow_oscillator() {
     // The watchdog bites after 128 cycles of OSCULP32K / 32, of the fastest and the slowest.
     for (hz, limit_us) in [(41_000, 100_000), (28_500, 143_719)] {
-        let options = Options {
-            osculp32k_hz: hz,
-            ..Options::default()
-        };
+        let options = Options { osculp32k_hz: hz, ..Options::default() };
         let mut bench = Bench::with(&options, Unconnected);
         bench.generator(4, 3, 32);
         bench.route(3, 4);
@@ -106,10 +100,7 @@ fn the_watchdog_comes_sooner_when_its_oscillator_becomes_faster() {
 
 #[test]
 fn an_erased_user_row_resets_the_chip_every_second() {
-    let options = Options {
-        user_row: UserRow::ERASED,
-        ..Options::default()
-    };
+    let options = Options { user_row: UserRow::ERASED, ..Options::default() };
     let mut bench = Bench::with(&options, Unconnected);
     for _ in 0..2 {
         bench.pass(Ticks::from_ms(990));
@@ -157,19 +148,10 @@ fn accesses_that_no_model_covers_name_what_they_hit() {
         message(bench.try_read(TCC0, Width::Word)),
         "TCC0 at 0x42002000: its bus clock is masked"
     );
+    assert_eq!(message(bench.try_read(0x5000_0000, Width::Word)), "nothing at 0x50000000");
+    assert_eq!(message(bench.try_read(PORT + 2, Width::Word)), "misaligned access at 0x41004402");
     assert_eq!(
-        message(bench.try_read(0x5000_0000, Width::Word)),
-        "nothing at 0x50000000"
-    );
-    assert_eq!(
-        message(bench.try_read(PORT + 2, Width::Word)),
-        "misaligned access at 0x41004402"
-    );
-    assert_eq!(
-        bench
-            .try_write(0x4100_2000, Width::Byte, 1)
-            .unwrap_err()
-            .to_string(),
+        bench.try_write(0x4100_2000, Width::Byte, 1).unwrap_err().to_string(),
         "DSU at 0x41002000: write-protected by the PAC"
     );
 }
@@ -179,9 +161,7 @@ fn the_cpu_cannot_be_left_without_a_clock() {
     let mut bench = Bench::new(SyncHold::Instant, Unconnected);
     bench.w32(GCLK + 8, 1 << 8);
     let from_dfll = 7 << 8 | 1 << 16;
-    let error = bench
-        .try_write(GCLK + 4, Width::Word, from_dfll)
-        .unwrap_err();
+    let error = bench.try_write(GCLK + 4, Width::Word, from_dfll).unwrap_err();
     assert!(matches!(error.refusal, Refusal::Forbidden(_)));
 }
 
@@ -193,18 +173,14 @@ fn flash_without_a_wait_state_is_noted_above_24_mhz() {
     bench.w32(NVMCTRL + 4, 1 << 7);
     assert_eq!(bench.peripherals.flash_wait_states(), 0);
     assert_eq!(bench.peripherals.violations().count(), 1);
-    assert_eq!(
-        bench.peripherals.violations().first()[0].peripheral,
-        "NVMCTRL"
-    );
+    assert_eq!(bench.peripherals.violations().first()[0].peripheral, "NVMCTRL");
 }
 
 #[test]
 fn factory_rows_are_read_by_bytes() {
     let mut bench = Bench::new(SyncHold::Instant, Unconnected);
-    let row = (0..8).fold(0, |row: u64, byte| {
-        row | u64::from(bench.r8(0x0080_6020 + byte)) << (8 * byte)
-    });
+    let row = (0..8)
+        .fold(0, |row: u64, byte| row | u64::from(bench.r8(0x0080_6020 + byte)) << (8 * byte));
     assert_eq!(row >> 58, 0x1F);
     assert_eq!(bench.r32(0x0080_A00C), Options::default().serial_number[0]);
     assert_eq!(bench.r32(0x4100_2018), 0x1001_0305);
@@ -225,11 +201,7 @@ fn a_protected_peripheral_refuses_writes_but_not_reads() {
     assert!(bench.try_read(GCLK + 4, Width::Word).is_ok());
     assert_eq!(
         bench.try_write(GCLK + 4, Width::Word, 0),
-        Err(BusError {
-            addr: GCLK + 4,
-            peripheral: "GCLK",
-            refusal: Refusal::Protected
-        })
+        Err(BusError { addr: GCLK + 4, peripheral: "GCLK", refusal: Refusal::Protected })
     );
 }
 
@@ -242,11 +214,7 @@ struct Recorder {
 
 impl Recorder {
     fn new(sda: Pin, scl: Pin) -> Self {
-        Self {
-            i2c: I2cPins { sda, scl },
-            edges: Vec::new(),
-            last: Ticks::ZERO,
-        }
+        Self { i2c: I2cPins { sda, scl }, edges: Vec::new(), last: Ticks::ZERO }
     }
 
     fn order(&mut self, now: Ticks) {

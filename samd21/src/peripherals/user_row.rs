@@ -66,10 +66,7 @@ mod tests {
     fn a_shipped_row_gives_the_reset_values_of_the_data_sheet() {
         let row = UserRow::SHIPPED;
         assert_eq!([row.word(0), row.word(1)], [0xD8E0_C7FF, 0xFFFF_FC5D]);
-        assert_eq!(
-            (row.wdt_ctrl(), row.wdt_config(), row.wdt_early_warning()),
-            (0, 0xBB, 0xB)
-        );
+        assert_eq!((row.wdt_ctrl(), row.wdt_config(), row.wdt_early_warning()), (0, 0xBB, 0xB));
         // Level 7, reset, enabled.
         assert_eq!(row.bod33(), 7 << 16 | 1 << 3 | 1 << 1);
         assert_eq!(row.protected_bytes(), 0);

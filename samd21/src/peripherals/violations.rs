@@ -35,11 +35,7 @@ impl Violations {
     pub(crate) fn note(&mut self, at: Ticks, peripheral: &'static str, what: &'static str) {
         self.count += 1;
         if self.first.len() < KEPT {
-            self.first.push(Violation {
-                at,
-                peripheral,
-                what,
-            });
+            self.first.push(Violation { at, peripheral, what });
         }
     }
 

@@ -80,10 +80,7 @@ impl Wdt {
 
     /// As it is, or one that never resets the chip at its time-out.
     pub(crate) fn that_bites(self, bites: bool) -> Self {
-        Self {
-            is_dead: !bites,
-            ..self
-        }
+        Self { is_dead: !bites, ..self }
     }
 
     /// A reset has ended: it runs if the user row says so.
@@ -269,9 +266,7 @@ impl Wdt {
             None => bus.now,
         };
         let edge = clock.cycles_in(begin + self.phase) + 1;
-        let arrives = clock
-            .duration(edge + SYNC_PERIODS)
-            .saturating_sub(self.phase);
+        let arrives = clock.duration(edge + SYNC_PERIODS).saturating_sub(self.phase);
         self.arriving = Some((arrives, arrival));
         Ok(begin - bus.now)
     }
@@ -293,10 +288,7 @@ mod tests {
         fn running() -> Self {
             let mut wdt = Wdt::new(UserRow::SHIPPED);
             wdt.set_clock(Ticks::ZERO, Some(Rate::from_hz(1024)));
-            let mut rig = Self {
-                wdt,
-                now: Ticks::from_ms(1),
-            };
+            let mut rig = Self { wdt, now: Ticks::from_ms(1) };
             rig.write(0x00, Lanes::new(0x04, 1, 1));
             rig.write(0x00, Lanes::new(0x03, 2, 1));
             rig.write(0x04, Lanes::new(1, 1, 1));
@@ -423,10 +415,7 @@ mod tests {
             let mut wdt = Wdt::new(UserRow::ERASED);
             wdt.set_clock(Ticks::ZERO, Some(Rate::from_hz(1024)));
             wdt.power_up(Ticks::ZERO);
-            Rig {
-                wdt,
-                now: Ticks::ZERO,
-            }
+            Rig { wdt, now: Ticks::ZERO }
         };
         let mut rig = erased();
         rig.write(0x00, Lanes::new(0, 0, 1));
@@ -476,11 +465,8 @@ mod tests {
     fn without_a_clock_a_write_is_refused() {
         let mut rig = Rig::running();
         rig.wdt.set_clock(rig.now, None);
-        let mut bus = Bus {
-            now: rig.now,
-            board: &mut Unconnected,
-            violations: &mut Violations::default(),
-        };
+        let mut bus =
+            Bus { now: rig.now, board: &mut Unconnected, violations: &mut Violations::default() };
         let lanes = Lanes::new(u32::from(KEY), 0, 1);
         assert!(rig.wdt.write(&mut bus, 0x08, lanes).is_err());
     }

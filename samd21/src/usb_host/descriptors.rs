@@ -121,22 +121,14 @@ mod tests {
 
     #[test]
     fn a_serial_port_is_found() {
-        let bulk = |number| Endpoint {
-            number,
-            packet_size: 64,
-            interval_ms: 0,
-        };
+        let bulk = |number| Endpoint { number, packet_size: 64, interval_ms: 0 };
         assert_eq!(
             SerialPort::parse(&CONFIGURATION),
             Ok(SerialPort {
                 configuration: 1,
                 capabilities: 0,
                 control_interface: 0,
-                interrupt: Some(Endpoint {
-                    number: 1,
-                    packet_size: 8,
-                    interval_ms: 255
-                }),
+                interrupt: Some(Endpoint { number: 1, packet_size: 8, interval_ms: 255 }),
                 bulk_in: bulk(2),
                 bulk_out: bulk(1),
             })
@@ -157,9 +149,6 @@ mod tests {
             SerialPort::parse(&CONFIGURATION[..9]),
             Err(HostError::Descriptor("no CDC interface"))
         );
-        assert_eq!(
-            SerialPort::parse(&[]),
-            Err(HostError::Descriptor("cut short"))
-        );
+        assert_eq!(SerialPort::parse(&[]), Err(HostError::Descriptor("cut short")));
     }
 }

@@ -41,10 +41,7 @@ impl Host {
         } else {
             (8, Request::DeviceHead)
         };
-        self.enumeration = Enumeration {
-            control_packet,
-            ..Enumeration::default()
-        };
+        self.enumeration = Enumeration { control_packet, ..Enumeration::default() };
         self.session.requests.push_back(first);
     }
 
@@ -170,10 +167,7 @@ impl Host {
                 self.open_port();
             }
             Request::ClearHalt(endpoint) => {
-                let state = PipeState {
-                    toggle: false,
-                    ready: now,
-                };
+                let state = PipeState { toggle: false, ready: now };
                 let is_in = endpoint & 0x80 != 0;
                 *self.pipe(if is_in { Pipe::BulkIn } else { Pipe::BulkOut }) = state;
             }
@@ -205,9 +199,7 @@ impl Host {
         if !present.is_empty() {
             self.session.requests.push_back(Request::Languages);
         }
-        self.session
-            .requests
-            .extend(present.into_iter().map(Request::Text));
+        self.session.requests.extend(present.into_iter().map(Request::Text));
         self.session.requests.push_back(Request::SetConfiguration);
     }
 

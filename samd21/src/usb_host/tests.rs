@@ -22,9 +22,7 @@ const CONFIGURATION: [u8; 67] = [
     7, 5, 0x82, 2, 64, 0, 0, // bulk IN 2
     7, 5, 0x02, 2, 64, 0, 0, // bulk OUT 2
 ];
-const DEVICE: [u8; 18] = [
-    18, 1, 0, 2, 2, 0, 0, 64, 0x41, 0x23, 0x57, 0x80, 0, 1, 1, 2, 3, 1,
-];
+const DEVICE: [u8; 18] = [18, 1, 0, 2, 2, 0, 0, 64, 0x41, 0x23, 0x57, 0x80, 0, 1, 1, 2, 3, 1];
 
 fn endpoint(number: u32) -> u32 {
     USB + 0x100 + 0x20 * number
@@ -114,11 +112,7 @@ impl Device {
 
     fn send(&mut self, number: u32, bytes: &[u8]) {
         let target = buffer(number, 1);
-        self.bench
-            .memory
-            .ram_bytes_mut(target, bytes.len())
-            .unwrap()
-            .copy_from_slice(bytes);
+        self.bench.memory.ram_bytes_mut(target, bytes.len()).unwrap().copy_from_slice(bytes);
         self.set_word(bank(number, 1) + 4, 3 << 28 | bytes.len() as u32);
         self.bench.w8(endpoint(number) + 7, 0x0A);
         self.bench.w8(endpoint(number) + 5, 0x80);
@@ -127,12 +121,7 @@ impl Device {
     /// What is in bank 0, which is then free again.
     fn take(&mut self, number: u32) -> Vec<u8> {
         let count = self.bench.memory.read_u32(bank(number, 0) + 4).unwrap() & 0x3FFF;
-        let bytes = self
-            .bench
-            .memory
-            .bytes(buffer(number, 0), count as usize)
-            .unwrap()
-            .to_vec();
+        let bytes = self.bench.memory.bytes(buffer(number, 0), count as usize).unwrap().to_vec();
         self.set_word(bank(number, 0) + 4, 3 << 28);
         self.bench.w8(endpoint(number) + 7, 0x15);
         self.bench.w8(endpoint(number) + 4, 0x40);
@@ -362,11 +351,7 @@ fn what_is_left_out_comes_to_the_same() {
         }
         alone.pass(time);
         for bench in [&mut watched.bench, &mut alone] {
-            bench
-                .memory
-                .ram_bytes_mut(buffer(2, 1), bytes.len())
-                .unwrap()
-                .copy_from_slice(bytes);
+            bench.memory.ram_bytes_mut(buffer(2, 1), bytes.len()).unwrap().copy_from_slice(bytes);
             let size = 3 << 28 | bytes.len() as u32;
             bench.memory.write_u32(bank(2, 1) + 4, size).unwrap();
             bench.w8(endpoint(2) + 5, 0x80);
@@ -507,11 +492,7 @@ fn a_host_that_sleeps_suspends_the_device_and_goes_on_after_it() {
     device.host().resume();
     device.run(Ticks::from_ms(10));
     assert_eq!(device.bench.r16(USB + 0x1C) >> 4 & 1, 1, "WAKEUP");
-    assert_eq!(
-        device.host().statistics().frames,
-        frames,
-        "still signalling"
-    );
+    assert_eq!(device.host().statistics().frames, frames, "still signalling");
     device.run(Ticks::from_ms(20));
     assert_eq!(device.host().read(), b"later");
     assert_eq!(device.host().errors(), []);

@@ -118,11 +118,7 @@ impl Host {
             transaction.bytes = next.copied().collect();
             length = transaction.bytes.len() as u64;
         }
-        let duration = if transaction.is_nak {
-            NAK_TIME
-        } else {
-            BYTE * (OVERHEAD + length)
-        };
+        let duration = if transaction.is_nak { NAK_TIME } else { BYTE * (OVERHEAD + length) };
         (transaction, duration)
     }
 

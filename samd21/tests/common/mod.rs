@@ -166,12 +166,7 @@ pub fn run(chip: &mut Chip) -> Stop {
 /// Runs to a BKPT.
 pub fn run_to_breakpoint(chip: &mut Chip) {
     let stop = run(chip);
-    assert_eq!(
-        stop,
-        Stop::Breakpoint,
-        "{stop}; {:?}",
-        chip.last_hard_fault()
-    );
+    assert_eq!(stop, Stop::Breakpoint, "{stop}; {:?}", chip.last_hard_fault());
 }
 
 /// One instruction or exception entry; the cycles it took.
@@ -184,9 +179,7 @@ pub fn step(chip: &mut Chip) -> u64 {
 /// What has been logged.
 pub fn logged(chip: &Chip) -> &[u8] {
     let end = chip.registers().r[7];
-    chip.memory()
-        .bytes(LOG, (end - LOG) as usize)
-        .expect("R7 points into SRAM")
+    chip.memory().bytes(LOG, (end - LOG) as usize).expect("R7 points into SRAM")
 }
 
 pub fn word(chip: &Chip, address: u32) -> u32 {

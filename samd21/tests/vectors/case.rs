@@ -81,10 +81,7 @@ impl Case {
 
 /// The chip that the programs of `seed` start on.
 pub fn chip(seed: u64) -> Chip {
-    let mut chip = Chip::new(Options {
-        seed,
-        ..Options::default()
-    });
+    let mut chip = Chip::new(Options { seed, ..Options::default() });
     let noise = *chip.ram();
     chip.load_flash(FLASH_DATA, &noise);
     chip

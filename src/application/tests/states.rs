@@ -56,12 +56,7 @@ fn undergo(before: &Vehicle, event: &Event) -> Vehicle {
         }
         vehicle.receive(packet);
         vehicle.take_note(event);
-        let exchange = Exchange {
-            before: &past,
-            event,
-            after: &vehicle,
-            said: &vehicle.said,
-        };
+        let exchange = Exchange { before: &past, event, after: &vehicle, said: &vehicle.said };
         for (name, holds) in OF_EXCHANGES {
             let said = &vehicle.said;
             assert!(
@@ -75,11 +70,7 @@ fn undergo(before: &Vehicle, event: &Event) -> Vehicle {
             let old = past.stored().0;
             promises::is_stored_as_told(past.storing, old, &vehicle, &vehicle.said)
         };
-        assert!(
-            stored,
-            "stored as told: {event:?} {}",
-            promises::shown(&past)
-        );
+        assert!(stored, "stored as told: {event:?} {}", promises::shown(&past));
     }
     vehicle.undergo(event, &mut |past: &Past, after: &Vehicle| {
         let shown = || promises::shown(after);
@@ -137,11 +128,7 @@ fn search(name: &'static str, starts: Vec<Vehicle>, events: &[Event]) -> Found {
             }
         }
     }
-    Found {
-        name,
-        states,
-        edges,
-    }
+    Found { name, states, edges }
 }
 
 /// A search with every promise kept; every drill in every state.
@@ -184,11 +171,7 @@ fn every_promise_is_kept_in_every_state_and_the_table_of_edges_is_the_kept_one()
             scope.spawn(|| explore("rocket", vec![rocket()], Event::of_rocket())),
             scope.spawn(|| explore("stored parameters", vec![set_up()], Event::of_storage())),
             scope.spawn(|| {
-                explore(
-                    "link and start",
-                    vec![set_up(), lost(), new()],
-                    Event::of_link(),
-                )
+                explore("link and start", vec![set_up(), lost(), new()], Event::of_link())
             }),
         ]
         .map(|search| search.join().unwrap())

@@ -25,13 +25,7 @@ fn is_armed_by_order_alone(before: &Seat, event: &Event, reply: &Reply, after: &
 /// heard where it is asked for.
 fn is_checked(before: &Seat, _: &Event, _: &Reply, after: &Seat) -> bool {
     let enters = before.state().kind() != after.state().kind() && after.state().is_armed();
-    let Supervisor {
-        report,
-        health,
-        good_run,
-        host_required,
-        ..
-    } = &before.supervisor;
+    let Supervisor { report, health, good_run, host_required, .. } = &before.supervisor;
     let certain = health.certain || after.state().is_active();
     let sound = health.valid && health.settled && health.bias == BiasState::Known && certain;
     let heard = before.supervisor.host_is_heard(before.now) || !host_required;

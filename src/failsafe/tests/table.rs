@@ -16,11 +16,7 @@ fn words(code: u32) -> String {
 /// The answer to an order, and the state that follows where it is another one.
 fn outcome(before: &Seat, reply: &Reply, after: &Seat) -> String {
     let [from, to] = [before, after].map(|seat| seat.state().code());
-    let next = if from == to {
-        "stays".to_string()
-    } else {
-        format!("-> {}", words(to))
-    };
+    let next = if from == to { "stays".to_string() } else { format!("-> {}", words(to)) };
     match reply {
         None => next,
         Some(Ok(())) => format!("obeyed, {next}"),

@@ -20,17 +20,9 @@ fn tilted(desk: &mut Desk, roll: f64, steps: usize) -> Snapshot {
         let (sin, cos) = roll.sin_cos();
         let turned = |[x, y, z]: [i16; 3]| {
             let (y, z) = (f64::from(y), f64::from(z));
-            [
-                x,
-                (cos * y + sin * z).round() as i16,
-                (cos * z - sin * y).round() as i16,
-            ]
+            [x, (cos * y + sin * z).round() as i16, (cos * z - sin * y).round() as i16]
         };
-        desk.step_with(Ok(RawSample {
-            acc: turned(level.acc),
-            mag: turned(level.mag),
-            ..level
-        }))
+        desk.step_with(Ok(RawSample { acc: turned(level.acc), mag: turned(level.mag), ..level }))
     };
     (0..steps).map(|_| run(desk)).last().unwrap()
 }
@@ -52,18 +44,10 @@ fn an_axis_that_is_not_steered_has_no_pulse_and_no_test() {
 
 #[test]
 fn both_rudders_must_have_been_seen_to_answer() {
-    for (name, value) in [
-        ("SRV2_POLARITY", 0.0),
-        ("SRV2_POLARITY", 2.0),
-        ("SRV_POLARITY", 0.0),
-    ] {
+    for (name, value) in [("SRV2_POLARITY", 0.0), ("SRV2_POLARITY", 2.0), ("SRV_POLARITY", 0.0)] {
         let mut desk = desk();
         desk.flight.set_param(name, value).unwrap();
-        assert_eq!(
-            desk.command(Command::Arm),
-            Err(Refusal::Polarity),
-            "{name} {value}"
-        );
+        assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity), "{name} {value}");
         desk.see(name);
         assert_eq!(desk.command(Command::Arm), Ok(()));
     }

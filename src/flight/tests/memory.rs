@@ -14,11 +14,7 @@ fn shaken(desk: &Desk, step: usize) -> Result<RawSample, SensorFault> {
     let mut sample = reading(desk.now_us, desk.pitch, desk.rate);
     (sample.gyr[0], sample.gyr[2]) = (noise(7), noise(11));
     (sample.acc[1], sample.mag[1]) = (noise(3), noise(5));
-    if step.is_multiple_of(37) {
-        Err(SensorFault::Nak)
-    } else {
-        Ok(sample)
-    }
+    if step.is_multiple_of(37) { Err(SensorFault::Nak) } else { Ok(sample) }
 }
 
 /// Both are given the same, and must remember the same after every step.
@@ -49,11 +45,7 @@ fn another_flight_goes_on_from_it_with_the_same_bits() {
                 assert_eq!(here.state, there.state, "{before}, {step}");
                 assert_eq!(words(&desk.flight), words(&other), "{before}, {step}");
                 let bits = |flight: &Flight| {
-                    let Attitude {
-                        orientation: q,
-                        rate,
-                        ..
-                    } = flight.attitude();
+                    let Attitude { orientation: q, rate, .. } = flight.attitude();
                     [q.w, q.x, q.y, q.z, rate[0], rate[1], rate[2]].map(f32::to_bits)
                 };
                 assert_eq!(bits(&desk.flight), bits(&other), "{before}, {step}");
@@ -75,10 +67,7 @@ fn a_failsafe_is_taken_over_and_acknowledged() {
     assert!(other.resume(&snapshot.sample.unwrap(), &words(&desk.flight)));
     assert_eq!(other.state().code(), snapshot.state.code());
     let now = Micros(desk.now_us);
-    assert_eq!(
-        other.command(now, Command::Disarm),
-        desk.command(Command::Disarm)
-    );
+    assert_eq!(other.command(now, Command::Disarm), desk.command(Command::Disarm));
     assert_eq!(other.state(), desk.flight.state());
 }
 

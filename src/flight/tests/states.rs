@@ -30,32 +30,16 @@ fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() 
         }
         let reason = Reason::Sensor(fault);
         assert_eq!(desk.flight.state(), State::Failsafe(reason));
-        assert_eq!(
-            desk.command(Command::Release),
-            Err(Refusal::WrongState(desk.flight.state()))
-        );
-        assert_eq!(
-            desk.command(Command::Arm),
-            Err(Refusal::WrongState(desk.flight.state()))
-        );
-        assert_eq!(
-            desk.command(Command::Disarm),
-            Err(Refusal::FaultPersists(reason))
-        );
+        assert_eq!(desk.command(Command::Release), Err(Refusal::WrongState(desk.flight.state())));
+        assert_eq!(desk.command(Command::Arm), Err(Refusal::WrongState(desk.flight.state())));
+        assert_eq!(desk.command(Command::Disarm), Err(Refusal::FaultPersists(reason)));
 
         desk.free = false;
         (desk.pitch, desk.rate) = (0.3, 0.0);
         assert_eq!(desk.run(4).pulses[0], NEUTRAL);
-        assert_eq!(
-            desk.command(Command::Disarm),
-            Err(Refusal::FaultPersists(reason))
-        );
+        assert_eq!(desk.command(Command::Disarm), Err(Refusal::FaultPersists(reason)));
         desk.run(1);
-        assert_eq!(
-            desk.flight.state(),
-            State::Failsafe(reason),
-            "never by itself"
-        );
+        assert_eq!(desk.flight.state(), State::Failsafe(reason), "never by itself");
         desk.command(Command::Disarm).unwrap();
         assert_eq!(desk.flight.state(), State::Standby);
     }
@@ -113,11 +97,7 @@ fn tilt_ends_control_after_a_tenth_of_a_second_but_not_while_held() {
     while desk.flight.state().is_active() {
         desk.pitch = (desk.pitch + 0.05).min(1.2);
         // Rates that stay the same for 60 ms are not known to be new.
-        let unsteady = if desk.now_us.is_multiple_of(20_000) {
-            5.0
-        } else {
-            5.01
-        };
+        let unsteady = if desk.now_us.is_multiple_of(20_000) { 5.0 } else { 5.01 };
         desk.rate = if desk.pitch < 1.2 { unsteady } else { 0.0 };
         let attitude = desk.step().orientation.quaternion();
         if attitude.pitch() > 60.0_f32.to_radians() {
@@ -127,10 +107,7 @@ fn tilt_ends_control_after_a_tenth_of_a_second_but_not_while_held() {
     }
     assert_eq!(desk.now_us - over_since.unwrap(), 100_000);
     assert_eq!(desk.flight.state(), State::Failsafe(Reason::Tilt));
-    assert_eq!(
-        desk.command(Command::Disarm),
-        Err(Refusal::FaultPersists(Reason::Tilt))
-    );
+    assert_eq!(desk.command(Command::Disarm), Err(Refusal::FaultPersists(Reason::Tilt)));
 }
 
 #[test]
@@ -144,21 +121,10 @@ fn arming_asks_for_less_than_fifty_degrees() {
 #[test]
 fn commands_out_of_order_are_refused_and_repeated_ones_are_not() {
     let mut desk = Desk::new(0.1);
-    assert_eq!(
-        desk.command(Command::Arm),
-        Err(Refusal::WrongState(State::Boot))
-    );
+    assert_eq!(desk.command(Command::Arm), Err(Refusal::WrongState(State::Boot)));
     desk.run(REST);
-    assert_eq!(
-        desk.command(Command::Release),
-        Err(Refusal::WrongState(State::Standby))
-    );
-    for command in [
-        Command::Arm,
-        Command::Arm,
-        Command::Release,
-        Command::Release,
-    ] {
+    assert_eq!(desk.command(Command::Release), Err(Refusal::WrongState(State::Standby)));
+    for command in [Command::Arm, Command::Arm, Command::Release, Command::Release] {
         desk.command(command).unwrap();
     }
     assert!(desk.flight.state().is_active());
@@ -176,10 +142,7 @@ fn a_bad_end_of_the_last_run_must_be_acknowledged() {
         Crash::SelfCheck(SelfCheck::Stack),
         Crash::HardFault { pc: 0x2100 },
     ] {
-        let report = BootReport {
-            crash: Some(crash),
-            ..BootReport::default()
-        };
+        let report = BootReport { crash: Some(crash), ..BootReport::default() };
         let mut desk = Desk::with(0.1, params(), report);
         desk.run(300);
         assert_eq!(desk.flight.state(), State::Latched(Latch::Crash(crash)));
@@ -195,10 +158,7 @@ fn a_bad_end_of_the_last_run_must_be_acknowledged() {
 
 #[test]
 fn lost_parameters_are_acknowledged_after_the_crash_that_came_with_them() {
-    let report = BootReport {
-        crash: Some(Crash::BrownOut),
-        stored: Loaded::Corrupt,
-    };
+    let report = BootReport { crash: Some(Crash::BrownOut), stored: Loaded::Corrupt };
     let mut desk = Desk::with(0.1, Params::default(), report);
     for latch in [Latch::Crash(Crash::BrownOut), Latch::ParametersLost] {
         assert_eq!(desk.flight.state(), State::Latched(latch));
@@ -289,10 +249,7 @@ fn arming_waits_for_the_gyros_offset_to_be_learned() {
 #[test]
 fn the_timing_follows_the_bursts_and_a_slow_bus_is_refused() {
     let bursts = |mean_us| BoardStatus {
-        bursts: BurstTimes {
-            mean_us,
-            max_us: mean_us + 200,
-        },
+        bursts: BurstTimes { mean_us, max_us: mean_us + 200 },
         ..BoardStatus::default()
     };
     let changed = Some(Params::STRETCH);
@@ -312,10 +269,7 @@ fn the_timing_follows_the_bursts_and_a_slow_bus_is_refused() {
     assert_eq!(desk.flight.learn(&bursts(8_400)), changed);
     let refused = desk.command(Command::Arm);
     assert_eq!(refused, Err(Refusal::SlowBus(8_395)));
-    assert_eq!(
-        refused.unwrap_err().to_string(),
-        "IMU bursts of 8395 us too slow"
-    );
+    assert_eq!(refused.unwrap_err().to_string(), "IMU bursts of 8395 us too slow");
     assert_eq!(desk.flight.learn(&bursts(4_300)), changed);
     desk.run(REST);
     desk.command(Command::Arm).unwrap();
@@ -326,10 +280,7 @@ fn the_timing_follows_the_bursts_and_a_slow_bus_is_refused() {
 #[test]
 fn the_clock_that_usb_has_locked_is_kept() {
     let mut desk = Desk::in_standby(0.0);
-    let locked = |fine| BoardStatus {
-        clock_fine: Some(fine),
-        ..BoardStatus::default()
-    };
+    let locked = |fine| BoardStatus { clock_fine: Some(fine), ..BoardStatus::default() };
     assert_eq!(desk.flight.params().clock_fine(), None);
     let changed = Some(Params::CLOCK);
     for (fine, changes, kept) in [(645, changed, 645), (649, None, 645), (640, changed, 640)] {
@@ -343,31 +294,20 @@ fn the_clock_that_usb_has_locked_is_kept() {
 #[test]
 fn nobody_arms_before_the_rudder_was_seen_to_answer_and_a_turned_servo_or_mount_asks_for_it_again()
 {
-    for (name, value) in [
-        ("SRV_DIR", -1.0),
-        ("MNT_ROLL_DEG", 180.0),
-        ("MNT_PITCH_DEG", 1.0),
-        ("MNT_YAW_DEG", 90.0),
-    ] {
+    for (name, value) in
+        [("SRV_DIR", -1.0), ("MNT_ROLL_DEG", 180.0), ("MNT_PITCH_DEG", 1.0), ("MNT_YAW_DEG", 90.0)]
+    {
         let mut desk = Desk::in_standby(0.0);
         let same = desk.flight.params().value(name).unwrap();
         desk.flight.set_param(name, same).unwrap();
-        assert_eq!(
-            desk.flight.params().polarity(Axis::Pitch),
-            Polarity::Checked
-        );
+        assert_eq!(desk.flight.params().polarity(Axis::Pitch), Polarity::Checked);
         desk.flight.set_param(name, value).unwrap();
-        assert_eq!(
-            desk.flight.params().polarity(Axis::Pitch),
-            Polarity::Unchecked
-        );
+        assert_eq!(desk.flight.params().polarity(Axis::Pitch), Polarity::Unchecked);
         assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity), "{name}");
         desk.flight.set_param(name, same).unwrap();
         assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity), "{name}");
         // A file of parameters says so of another vehicle.
-        let unseen = ParamError::Unseen {
-            name: "SRV_POLARITY",
-        };
+        let unseen = ParamError::Unseen { name: "SRV_POLARITY" };
         assert_eq!(desk.flight.set_param("SRV_POLARITY", 1.0), Err(unseen));
         assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity), "{name}");
         desk.see("SRV_POLARITY");
@@ -426,10 +366,7 @@ fn a_pulse_is_tried_for_two_seconds_where_nobody_needs_the_rudder() {
     assert_eq!(desk.run(1).pulses[0], low);
     desk.command(Command::Arm).unwrap();
     assert_eq!(desk.run(1).pulses[0], NEUTRAL);
-    assert_eq!(
-        test_pulse(&mut desk),
-        Err(Refusal::WrongState(State::Armed))
-    );
+    assert_eq!(test_pulse(&mut desk), Err(Refusal::WrongState(State::Armed)));
     desk.command(Command::Disarm).unwrap();
     assert_eq!(desk.run(1).pulses[0], NEUTRAL);
 }
@@ -501,10 +438,7 @@ fn calibration_and_mount_stay_as_they_are_while_armed() {
     }
     let mut params = params();
     params.set("CAL_GYR_OY", 3.0).unwrap();
-    assert_eq!(
-        desk.flight.replace_params(params),
-        Err(ParamError::ArmedAll)
-    );
+    assert_eq!(desk.flight.replace_params(params), Err(ParamError::ArmedAll));
     assert!(desk.run(1).state.is_active());
 }
 
@@ -521,11 +455,7 @@ fn a_test_pulse_is_refused_while_the_rudder_answers_the_tilt_and_ends_when_it_be
     desk.flight.set_param("SRV_POLARITY", 2.0).unwrap();
     assert!(desk.run(50).pulses[0].0.abs_diff(NEUTRAL.0) < 30);
     desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
-    assert_eq!(
-        desk.run(1).pulses[0],
-        NEUTRAL,
-        "what was ended does not come back"
-    );
+    assert_eq!(desk.run(1).pulses[0], NEUTRAL, "what was ended does not come back");
 }
 
 /// 80 mg on z leave 0.92 g: no healthy sensor, until the offset is known.

@@ -14,10 +14,7 @@ fn launch(changes: &[(&str, f32)]) -> Watcher {
     for (name, value) in given.iter().chain(changes) {
         params.set(name, *value).unwrap();
     }
-    Watcher {
-        settings: Settings::new(&params),
-        launch: Launch::default(),
-    }
+    Watcher { settings: Settings::new(&params), launch: Launch::default() }
 }
 
 struct Watcher {
@@ -35,17 +32,14 @@ impl Watcher {
     }
 }
 
-const ACTIVE: State = State::Active {
-    over_tilt_since: None,
-};
+const ACTIVE: State = State::Active { over_tilt_since: None };
 
 /// Takes samples every 10 ms from a time (ms) on, as a vehicle that obeys; what happened, and when.
 fn fly(launch: &mut Watcher, from_ms: u64, accelerations: &[(usize, i32)]) -> Vec<(u64, Event)> {
     let mut state = State::Armed;
     let mut events = Vec::new();
-    let counts = accelerations
-        .iter()
-        .flat_map(|(samples, counts)| std::iter::repeat_n(*counts, *samples));
+    let counts =
+        accelerations.iter().flat_map(|(samples, counts)| std::iter::repeat_n(*counts, *samples));
     for (index, counts) in counts.enumerate() {
         let at_ms = from_ms + 10 * index as u64;
         if let Some(event) = launch.watch(Micros(1_000 * at_ms), counts, &state) {
@@ -66,10 +60,7 @@ fn thrust_that_lasts_is_a_launch_and_its_end_the_burnout() {
     let burn = [(100, 981), (5, 4_000), (50, 981), (100, 2_500), (50, 0)];
     assert_eq!(
         fly(&mut launch, 500, &burn),
-        [
-            (500 + 1_550 + 100, Event::Launch),
-            (500 + 2_550 + 200, Event::End)
-        ]
+        [(500 + 1_550 + 100, Event::Launch), (500 + 2_550 + 200, Event::End)]
     );
 }
 
@@ -78,20 +69,13 @@ fn control_ends_by_time_where_the_engine_burns_on() {
     let mut launch = launch(&[]);
     let burn = [(10, 981), (500, 2_500)];
     // The time counts from the first thrust.
-    assert_eq!(
-        fly(&mut launch, 0, &burn),
-        [(200, Event::Launch), (100 + 3_000, Event::End)]
-    );
+    assert_eq!(fly(&mut launch, 0, &burn), [(200, Event::Launch), (100 + 3_000, Event::End)]);
 }
 
 #[test]
 fn nothing_happens_where_no_parameter_asks_for_it() {
-    let mut launch = launch(&[
-        ("LAUNCH_ACC", 0.0),
-        ("BURNOUT_ACC", 0.0),
-        ("BURN_S", 0.0),
-        ("FUSE_ACC", 1.0),
-    ]);
+    let mut launch =
+        launch(&[("LAUNCH_ACC", 0.0), ("BURNOUT_ACC", 0.0), ("BURN_S", 0.0), ("FUSE_ACC", 1.0)]);
     assert!(!launch.settings.is_needed());
     assert_eq!(fly(&mut launch, 0, &[(300, 4_000), (300, 0)]), []);
     assert!(!launch.is_free(&ACTIVE));
@@ -154,9 +138,6 @@ fn the_tilt_is_the_less_certain_the_longer_and_harder_the_flight() {
 #[test]
 fn roots_are_those_of_the_library() {
     for square in [0.01_f32, 0.09, 1.0, 2.0, 50.0, 1e4, 1e6] {
-        assert!(
-            (root(square) / square.sqrt() - 1.0).abs() < 1e-4,
-            "{square}"
-        );
+        assert!((root(square) / square.sqrt() - 1.0).abs() < 1e-4, "{square}");
     }
 }

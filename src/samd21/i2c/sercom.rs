@@ -42,10 +42,7 @@ const fn baud(khz: u32, rise_ns: u32, low_percent: u32) -> Baud {
     let counted = 48_000 / khz - 10 - rise_ns * 48 / 1_000;
     let low = counted * low_percent / 100;
     assert!(low <= 255 && counted - low <= 255);
-    Baud {
-        high: (counted - low) as u8,
-        low: low as u8,
-    }
+    Baud { high: (counted - low) as u8, low: low as u8 }
 }
 
 const FAST: Baud = baud(400, 100, 59);
@@ -79,9 +76,7 @@ pub(super) fn set_up(khz: u32) -> Result<(), NotSynchronised> {
         w
     });
     // SAFETY: any two bytes are valid.
-    registers
-        .baud()
-        .write(|w| unsafe { w.baud().bits(baud.high).baudlow().bits(baud.low) });
+    registers.baud().write(|w| unsafe { w.baud().bits(baud.high).baudlow().bits(baud.low) });
     registers.ctrla().write(|w| {
         control(w, true);
         w
@@ -89,9 +84,7 @@ pub(super) fn set_up(khz: u32) -> Result<(), NotSynchronised> {
     settled()?;
     // Until told, it does not know whether the bus is idle.
     // SAFETY: one of the field's values.
-    registers
-        .status()
-        .write(|w| unsafe { w.busstate().bits(IDLE) });
+    registers.status().write(|w| unsafe { w.busstate().bits(IDLE) });
     settled()?;
     Sercom.wait_idle()
 }
@@ -108,9 +101,7 @@ impl Wire for Sercom {
     fn write_address(&mut self, address: u8) -> Result<(), NotSynchronised> {
         arrived()?;
         // SAFETY: eight bits in a field of eleven.
-        registers()
-            .addr()
-            .write(|w| unsafe { w.addr().bits(u16::from(address)) });
+        registers().addr().write(|w| unsafe { w.addr().bits(u16::from(address)) });
         Ok(())
     }
 
@@ -166,13 +157,9 @@ impl Wire for Sercom {
     fn listen(&mut self, on: bool) {
         let registers = registers();
         if on {
-            registers
-                .intenset()
-                .write(|w| w.mb().set_bit().sb().set_bit().error().set_bit());
+            registers.intenset().write(|w| w.mb().set_bit().sb().set_bit().error().set_bit());
         } else {
-            registers
-                .intenclr()
-                .write(|w| w.mb().set_bit().sb().set_bit().error().set_bit());
+            registers.intenclr().write(|w| w.mb().set_bit().sb().set_bit().error().set_bit());
         }
     }
 
@@ -189,9 +176,7 @@ fn read_data() -> u8 {
 fn write_command(command: Command) {
     let refuse = matches!(command, Command::Stop);
     // SAFETY: one of the field's values.
-    registers()
-        .ctrlb()
-        .write(|w| unsafe { w.ackact().bit(refuse).cmd().bits(command as u8) });
+    registers().ctrlb().write(|w| unsafe { w.ackact().bit(refuse).cmd().bits(command as u8) });
 }
 
 /// The command, address or byte before has gone through.

@@ -32,11 +32,7 @@ struct Bank {
 }
 
 impl Bank {
-    const EMPTY: Self = Self {
-        address: 0,
-        pcksize: 0,
-        _rest: [0; 2],
-    };
+    const EMPTY: Self = Self { address: 0, pcksize: 0, _rest: [0; 2] };
 }
 
 /// In whole words, by which packets are copied.
@@ -134,11 +130,9 @@ impl Usb {
             usb.qosctrl().write(|w| w.dqos().bits(3).cqos().bits(3));
         }
         point_at_banks();
-        usb.ctrla()
-            .write(|w| w.mode().device().runstdby().set_bit());
+        usb.ctrla().write(|w| w.mode().device().runstdby().set_bit());
         usb.ctrlb().write(|w| w.spdconf().fs().detach().set_bit());
-        usb.ctrla()
-            .write(|w| w.mode().device().runstdby().set_bit().enable().set_bit());
+        usb.ctrla().write(|w| w.mode().device().runstdby().set_bit().enable().set_bit());
         let _ = soon(|| usb.syncbusy().read().enable().bit_is_clear());
         usb.intenset().write(|w| w.eorst().set_bit());
         let mut controller = Self(());
@@ -157,10 +151,8 @@ impl Usb {
             return;
         }
         // Whether there is a packet is asked of the banks, not of these flags.
-        usb.epintflag(Number::FromHost as usize)
-            .write(|w| w.trcpt0().set_bit());
-        usb.epintflag(Number::ToHost as usize)
-            .write(|w| w.trcpt1().set_bit());
+        usb.epintflag(Number::FromHost as usize).write(|w| w.trcpt0().set_bit());
+        usb.epintflag(Number::ToHost as usize).write(|w| w.trcpt1().set_bit());
         self.poll_control(device);
     }
 
@@ -169,8 +161,7 @@ impl Usb {
         let usb = registers();
         let number = Number::Control as usize;
         let flags = usb.epintflag(number).read();
-        usb.epintflag(number)
-            .write(|w| w.trcpt0().set_bit().trcpt1().set_bit());
+        usb.epintflag(number).write(|w| w.trcpt0().set_bit().trcpt1().set_bit());
         if flags.rxstp().bit_is_clear() {
             if flags.trcpt1().bit_is_set() {
                 device.sent(self);
@@ -207,12 +198,7 @@ impl Usb {
     /// Hand over a packet of data for the host; `false` while it has not taken the one before.
     pub(super) fn write(&mut self, packet: &[u8]) -> bool {
         let number = Number::ToHost;
-        if registers()
-            .epstatus(number as usize)
-            .read()
-            .bk1rdy()
-            .bit_is_set()
-        {
+        if registers().epstatus(number as usize).read().bk1rdy().bit_is_set() {
             return false;
         }
         self.hand_over(number, packet);
@@ -234,11 +220,9 @@ impl Usb {
                 }
             }
             let index = number as usize;
-            usb.epstatusclr(index)
-                .write(|w| w.bk0rdy().set_bit().bk1rdy().set_bit());
+            usb.epstatusclr(index).write(|w| w.bk0rdy().set_bit().bk1rdy().set_bit());
             // SAFETY: types that the controller has. Interrupts can be enabled only afterwards.
-            usb.epcfg(index)
-                .write(|w| unsafe { w.bits(number.types()) });
+            usb.epcfg(index).write(|w| unsafe { w.bits(number.types()) });
             usb.epintenset(index).write(|w| match number {
                 Number::Control => w.rxstp().set_bit().trcpt0().set_bit().trcpt1().set_bit(),
                 Number::FromHost => w.trcpt0().set_bit(),
@@ -337,17 +321,13 @@ impl usb::Controller for Usb {
 
     fn set_address(&mut self, address: u8) {
         // SAFETY: seven bits.
-        registers()
-            .dadd()
-            .write(|w| unsafe { w.dadd().bits(address & 0x7F).adden().set_bit() });
+        registers().dadd().write(|w| unsafe { w.dadd().bits(address & 0x7F).adden().set_bit() });
     }
 
     fn halt(&mut self, endpoint: Endpoint, halted: bool) {
         let (number, direction) = place(endpoint);
-        let (set, clear) = (
-            registers().epstatusset(number as usize),
-            registers().epstatusclr(number as usize),
-        );
+        let (set, clear) =
+            (registers().epstatusset(number as usize), registers().epstatusclr(number as usize));
         match (direction, halted) {
             (Direction::Out, true) => set.write(|w| w.stallrq0().set_bit()),
             (Direction::In, true) => set.write(|w| w.stallrq1().set_bit()),

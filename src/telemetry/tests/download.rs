@@ -49,11 +49,7 @@ fn request(ofs: u32, count: u32) -> Vec<u8> {
 fn the_one_log_is_listed_byte_for_byte_as_pymavlink_has_it() {
     let (mut link, recorder) = released();
     link.telemetry.sequence = 5;
-    link.telemetry.receive(
-        Micros(0),
-        &golden("log_request_list"),
-        &mut link.desk.flight,
-    );
+    link.telemetry.receive(Micros(0), &golden("log_request_list"), &mut link.desk.flight);
     link.telemetry.serve_recorder(&recorder);
     assert_eq!(link.telemetry.pending(), golden("log_entry"));
 }
@@ -67,11 +63,7 @@ fn without_a_release_there_is_no_log() {
     assert!(
         matches!(
             messages[..],
-            [MavMessage::LOG_ENTRY(LOG_ENTRY_DATA {
-                num_logs: 0,
-                size: 0,
-                ..
-            })]
+            [MavMessage::LOG_ENTRY(LOG_ENTRY_DATA { num_logs: 0, size: 0, .. })]
         ),
         "{messages:?}"
     );

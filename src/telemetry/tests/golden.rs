@@ -14,16 +14,12 @@ fn golden_snapshot() -> Snapshot {
             gyr: [16, -32, 48],
             mag: [800, -16, 0x1234],
         }),
-        orientation: Orientation {
-            wxyz_q30: [1 << 29, -1 << 29, 1 << 29, -1 << 29],
-        },
+        orientation: Orientation { wxyz_q30: [1 << 29, -1 << 29, 1 << 29, -1 << 29] },
         rates: [0.25, -1.5, 0.125].map(Q16::from),
         settled: true,
         cranks: [Q16::from(-0.375), Q16::default()],
         pulses: [PulseUs(1524), PulseUs::NONE],
-        state: State::Active {
-            over_tilt_since: None,
-        },
+        state: State::Active { over_tilt_since: None },
         fault: None,
         sensor_healthy: true,
         field_healthy: true,
@@ -39,10 +35,7 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
         load_permille: 123,
         bus_errors: 6,
         bus_recoveries: 7,
-        bursts: BurstTimes {
-            mean_us: 4423,
-            max_us: 4580,
-        },
+        bursts: BurstTimes { mean_us: 4423, max_us: 4580 },
         stop_us: 180,
         clock_fine: None,
     };
@@ -67,10 +60,7 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
 
 /// Its next frame has the number 5, as many of the kept ones do.
 fn before_frame_five() -> Telemetry {
-    Telemetry {
-        sequence: 5,
-        ..Telemetry::default()
-    }
+    Telemetry { sequence: 5, ..Telemetry::default() }
 }
 
 #[test]
@@ -96,10 +86,7 @@ fn arms_by_either_version_of_the_protocol_signed_or_not_and_by_either_command() 
     for frame in ["arm_v2", "arm_v1", "arm_signed", "arm_int"] {
         let mut link = Link::new(Desk::in_standby(0.1));
         let answer = link.tell(&golden(frame));
-        let accepted = (
-            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-            MavResult::MAV_RESULT_ACCEPTED,
-        );
+        let accepted = (MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, MavResult::MAV_RESULT_ACCEPTED);
         assert_eq!(acks(&answer), [accepted], "{frame}");
         assert_eq!(texts(&answer), ["armed"]);
         assert_eq!(link.desk.flight.state(), State::Armed);
@@ -127,8 +114,7 @@ fn questions_are_answered_byte_for_byte() {
         let mut link = Link::new(Desk::in_standby(0.1));
         link.telemetry.sequence = 5;
         let now = Micros(1_500_000);
-        link.telemetry
-            .receive(now, &golden(question), &mut link.desk.flight);
+        link.telemetry.receive(now, &golden(question), &mut link.desk.flight);
         assert_eq!(link.telemetry.pending(), golden(answer), "{question}");
     }
 }
@@ -137,14 +123,12 @@ fn questions_are_answered_byte_for_byte() {
 #[test]
 fn answers_begin_byte_for_byte() {
     let request = MavCmd::MAV_CMD_REQUEST_MESSAGE;
-    for (question, answer) in [
-        (golden("param_unknown"), "param_error"),
-        (order(request, 244.0, 1.0), "message_interval"),
-    ] {
+    for (question, answer) in
+        [(golden("param_unknown"), "param_error"), (order(request, 244.0, 1.0), "message_interval")]
+    {
         let mut link = Link::new(Desk::in_standby(0.1));
         link.telemetry.sequence = 5;
-        link.telemetry
-            .receive(Micros(0), &question, &mut link.desk.flight);
+        link.telemetry.receive(Micros(0), &question, &mut link.desk.flight);
         let answer = golden(answer);
         assert_eq!(link.telemetry.pending()[..answer.len()], answer);
     }

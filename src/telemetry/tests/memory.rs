@@ -19,8 +19,7 @@ fn step(link: &mut Link) -> Vec<i32> {
     let snapshot = link.desk.step();
     link.record(&snapshot);
     let flight = &mut link.desk.flight;
-    link.telemetry
-        .tell_memory(&snapshot, flight, &link.desk.refresh);
+    link.telemetry.tell_memory(&snapshot, flight, &link.desk.refresh);
     let mut words = std::vec![snapshot.now.0 as i32];
     flight.tell(&mut |word| words.push(word));
     let refresh = link.desk.refresh.words().iter();
@@ -62,11 +61,7 @@ fn it_waits_for_room_in_the_queue() {
     let mut types = Vec::new();
     for _ in 0..10 {
         step(&mut link);
-        types.extend(
-            parts(&take(&mut link.telemetry))
-                .into_iter()
-                .map(|part| part.0),
-        );
+        types.extend(parts(&take(&mut link.telemetry)).into_iter().map(|part| part.0));
     }
     let parts = MEMORY_WORDS.div_ceil(PART_WORDS);
     // The next ones may be due by then.

@@ -58,14 +58,7 @@ proptest! {
 /// Half frames, damaged frames and noise.
 #[test]
 fn ten_million_bytes_of_noise_neither_panic_nor_act() {
-    let frames = [
-        "arm_v2",
-        "arm_v1",
-        "arm_signed",
-        "unknown_command",
-        "raw_imu",
-    ]
-    .map(golden);
+    let frames = ["arm_v2", "arm_v1", "arm_signed", "unknown_command", "raw_imu"].map(golden);
     let mut random = 0x9E37_79B9_7F4A_7C15_u64;
     let mut next = || {
         // xorshift64, Marsaglia 2003.
@@ -89,15 +82,13 @@ fn ten_million_bytes_of_noise_neither_panic_nor_act() {
             _ => bytes.insert(1, next() as u8),
         }
         fed += bytes.len();
-        link.telemetry
-            .receive(Micros(0), &bytes, &mut link.desk.flight);
+        link.telemetry.receive(Micros(0), &bytes, &mut link.desk.flight);
         let waiting = link.telemetry.pending().len();
         link.telemetry.sent(waiting);
     }
     // What came through whole was refused; the next good frame is understood.
     assert_eq!(link.desk.flight.state(), before);
-    link.telemetry
-        .receive(Micros(0), &[0; 300], &mut link.desk.flight);
+    link.telemetry.receive(Micros(0), &[0; 300], &mut link.desk.flight);
     let waiting = link.telemetry.pending().len();
     link.telemetry.sent(waiting);
     let answer = link.tell(&golden("arm_v2"));

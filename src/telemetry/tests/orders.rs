@@ -5,16 +5,10 @@ use super::*;
 #[test]
 fn the_operator_flies_it_by_messages_alone() {
     let mut link = Link::new(Desk::in_standby(0.1));
-    let (arm, gripper) = (
-        MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-        MavCmd::MAV_CMD_DO_GRIPPER,
-    );
+    let (arm, gripper) = (MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, MavCmd::MAV_CMD_DO_GRIPPER);
     let accepted = MavResult::MAV_RESULT_ACCEPTED;
     assert_eq!(acks(&link.tell(&order(arm, 1.0, 0.0))), [(arm, accepted)]);
-    assert_eq!(
-        acks(&link.tell(&order(gripper, 1.0, 0.0))),
-        [(gripper, accepted)]
-    );
+    assert_eq!(acks(&link.tell(&order(gripper, 1.0, 0.0))), [(gripper, accepted)]);
     assert!(link.desk.flight.state().is_active());
     assert_eq!(acks(&link.tell(&order(arm, 0.0, 0.0))), [(arm, accepted)]);
     assert_eq!(link.desk.flight.state(), State::Standby);
@@ -25,10 +19,7 @@ fn a_refusal_says_why() {
     let mut link = Link::new(Desk::in_standby(55.0_f64.to_radians()));
     let arm = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
     let answer = link.tell(&order(arm, 1.0, 0.0));
-    assert_eq!(
-        acks(&answer),
-        [(arm, MavResult::MAV_RESULT_TEMPORARILY_REJECTED)]
-    );
+    assert_eq!(acks(&answer), [(arm, MavResult::MAV_RESULT_TEMPORARILY_REJECTED)]);
     assert_eq!(texts(&answer), ["arm refused: tilt beyond 50 deg"]);
     // COMMAND_ACK's fourth byte, which this crate's decoder leaves out, has it as a number.
     let now = Micros(link.desk.now_us);
@@ -47,32 +38,14 @@ fn a_refusal_says_why() {
 #[test]
 fn bad_arguments_are_denied_and_other_commands_unsupported() {
     let mut link = Link::new(Desk::in_standby(0.1));
-    let (arm, gripper) = (
-        MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-        MavCmd::MAV_CMD_DO_GRIPPER,
-    );
+    let (arm, gripper) = (MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, MavCmd::MAV_CMD_DO_GRIPPER);
     for (command, param1, param2, result) in [
         (arm, 0.5, 0.0, MavResult::MAV_RESULT_DENIED),
         (arm, f32::NAN, 0.0, MavResult::MAV_RESULT_DENIED),
         (gripper, 1.0, 1.0, MavResult::MAV_RESULT_DENIED),
-        (
-            MavCmd::MAV_CMD_NAV_TAKEOFF,
-            0.0,
-            0.0,
-            MavResult::MAV_RESULT_UNSUPPORTED,
-        ),
-        (
-            MavCmd::MAV_CMD_REQUEST_MESSAGE,
-            33.0,
-            0.0,
-            MavResult::MAV_RESULT_UNSUPPORTED,
-        ),
-        (
-            MavCmd::MAV_CMD_REQUEST_MESSAGE,
-            148.0,
-            0.0,
-            MavResult::MAV_RESULT_ACCEPTED,
-        ),
+        (MavCmd::MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, MavResult::MAV_RESULT_UNSUPPORTED),
+        (MavCmd::MAV_CMD_REQUEST_MESSAGE, 33.0, 0.0, MavResult::MAV_RESULT_UNSUPPORTED),
+        (MavCmd::MAV_CMD_REQUEST_MESSAGE, 148.0, 0.0, MavResult::MAV_RESULT_ACCEPTED),
     ] {
         let answer = link.tell(&order(command, param1, param2));
         assert_eq!(acks(&answer), [(command, result)]);
@@ -103,18 +76,12 @@ fn calibration_begins_anew_and_arms_nothing_until_the_offset_is_learned() {
     let answer = link.tell(&calibrate);
     assert_eq!(
         acks(&answer),
-        [(
-            MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION,
-            MavResult::MAV_RESULT_IN_PROGRESS
-        )]
+        [(MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION, MavResult::MAV_RESULT_IN_PROGRESS)]
     );
     assert!(texts(&answer).contains(&"boot: waiting for the sensor".to_string()));
     let arm = order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0);
     let refused = link.tell(&arm);
-    assert_eq!(
-        acks(&refused)[0].1,
-        MavResult::MAV_RESULT_TEMPORARILY_REJECTED
-    );
+    assert_eq!(acks(&refused)[0].1, MavResult::MAV_RESULT_TEMPORARILY_REJECTED);
     let unknown = link.tell(&order(MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION, 0.0, 0.0));
     assert_eq!(acks(&unknown)[0].1, MavResult::MAV_RESULT_DENIED);
 }
@@ -125,21 +92,16 @@ fn calibration_is_refused_while_armed_and_says_why() {
     link.tell(&order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0));
     let answer = link.tell(&order(MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION, 1.0, 0.0));
     assert_eq!(texts(&answer), ["calibration refused: in armed"]);
-    assert_eq!(
-        acks(&answer)[0].1,
-        MavResult::MAV_RESULT_TEMPORARILY_REJECTED
-    );
+    assert_eq!(acks(&answer)[0].1, MavResult::MAV_RESULT_TEMPORARILY_REJECTED);
 }
 
 #[test]
 fn a_reset_is_for_the_board_and_refused_while_armed() {
     let mut link = Link::new(Desk::in_standby(0.1));
     let reboot = MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN;
-    for (param1, reset) in [
-        (1.0, Some(Reset::Restart)),
-        (3.0, Some(Reset::Bootloader)),
-        (2.0, None),
-    ] {
+    for (param1, reset) in
+        [(1.0, Some(Reset::Restart)), (3.0, Some(Reset::Bootloader)), (2.0, None)]
+    {
         let answer = link.tell(&order(reboot, param1, 0.0));
         let accepted = acks(&answer)[0].1 == MavResult::MAV_RESULT_ACCEPTED;
         assert_eq!(accepted, reset.is_some());
@@ -157,10 +119,7 @@ fn an_order_to_the_board_is_refused_while_the_rudder_may_be_needed() {
     let peek = peek(0x2000_0010);
     let mut link = Link::new(Desk::in_standby(0.1));
     assert_eq!(acks(&link.tell(&peek)), [], "answered when it is done");
-    let wanted = crate::bringup::Order {
-        what: 1,
-        number: 0x2000_0010,
-    };
+    let wanted = crate::bringup::Order { what: 1, number: 0x2000_0010 };
     assert_eq!(link.telemetry.take_bringup(), Some(wanted));
     assert_eq!(link.telemetry.take_bringup(), None);
     link.tell(&order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0));
@@ -184,17 +143,8 @@ fn time_is_synchronised_on_request() {
     let mut link = Link::new(Desk::in_standby(0.1));
     let now = link.desk.now_us as i64;
     let answer = link.tell(&from_host(&TIMESYNC_DATA { tc1: 0, ts1: 77 }));
-    assert_eq!(
-        answer,
-        [MavMessage::TIMESYNC(TIMESYNC_DATA {
-            tc1: now * 1000,
-            ts1: 77
-        })]
-    );
-    assert!(
-        link.tell(&from_host(&TIMESYNC_DATA { tc1: 5, ts1: 77 }))
-            .is_empty()
-    );
+    assert_eq!(answer, [MavMessage::TIMESYNC(TIMESYNC_DATA { tc1: now * 1000, ts1: 77 })]);
+    assert!(link.tell(&from_host(&TIMESYNC_DATA { tc1: 5, ts1: 77 })).is_empty());
 }
 
 #[test]
@@ -208,10 +158,7 @@ fn a_stream_comes_as_often_as_the_host_asks() {
     let accepted = MavResult::MAV_RESULT_ACCEPTED;
     assert_eq!(asked(ATTITUDE_QUATERNION_DATA::ID, 50_000.0), accepted);
     assert_eq!(asked(RAW_IMU_DATA::ID, -1.0), accepted);
-    assert_eq!(
-        asked(GPS_RAW_INT_DATA::ID, 50_000.0),
-        MavResult::MAV_RESULT_DENIED
-    );
+    assert_eq!(asked(GPS_RAW_INT_DATA::ID, 50_000.0), MavResult::MAV_RESULT_DENIED);
     let mut messages = Vec::new();
     for _ in 0..100 {
         link.record_step();

@@ -55,26 +55,13 @@ fn everything_that_qgroundcontrol_asks_at_its_start_is_answered() {
         assert_eq!(acks(&heard), [(REQUEST, result)], "{id}");
         assert_eq!(count(&heard, id), expected, "{id}");
     }
-    let list = from_host(&PARAM_REQUEST_LIST_DATA {
-        target_system: 1,
-        target_component: 1,
-    });
+    let list = from_host(&PARAM_REQUEST_LIST_DATA { target_system: 1, target_component: 1 });
     let heard = link.converse(&list, Params::count());
     assert_eq!(count(&heard, PARAM_VALUE_DATA::ID), Params::count());
-    for list in [
-        "mission_request_list",
-        "fence_request_list",
-        "rally_request_list",
-    ] {
+    for list in ["mission_request_list", "fence_request_list", "rally_request_list"] {
         let heard = link.tell(&golden(list));
         assert!(
-            matches!(
-                heard[..],
-                [MavMessage::MISSION_COUNT(MISSION_COUNT_DATA {
-                    count: 0,
-                    ..
-                })]
-            ),
+            matches!(heard[..], [MavMessage::MISSION_COUNT(MISSION_COUNT_DATA { count: 0, .. })]),
             "{list}: {heard:?}"
         );
     }
@@ -102,19 +89,12 @@ fn the_state_has_a_name_among_the_modes() {
         .collect();
     assert!(modes.contains(&(3, State::Standby.code(), Ok("standby"))));
     let indices: Vec<_> = modes.iter().map(|(index, ..)| *index).collect();
-    assert_eq!(
-        indices,
-        (1..=StateCode::COUNT as u8).collect::<Vec<_>>(),
-        "in order"
-    );
+    assert_eq!(indices, (1..=StateCode::COUNT as u8).collect::<Vec<_>>(), "in order");
     // One of them alone; there is none behind the last.
     let heard = link.converse(&order(REQUEST, 435.0, 4.0), 3);
     assert_eq!(count(&heard, AVAILABLE_MODES_DATA::ID), 1);
     let beyond = link.converse(&order(REQUEST, 435.0, StateCode::COUNT as f32 + 1.0), 3);
-    assert_eq!(
-        acks(&beyond),
-        [(REQUEST, MavResult::MAV_RESULT_UNSUPPORTED)]
-    );
+    assert_eq!(acks(&beyond), [(REQUEST, MavResult::MAV_RESULT_UNSUPPORTED)]);
     assert_eq!(count(&beyond, AVAILABLE_MODES_DATA::ID), 0);
 }
 
@@ -213,9 +193,7 @@ fn stations_are_told_whether_the_drone_can_be_armed() {
     let (ready, not) = (true, false);
     assert_eq!(
         said,
-        [
-            not, not, ready, not, not, not, ready, not, ready, ready, not
-        ],
+        [not, not, ready, not, not, not, ready, not, ready, ready, not],
         "boot, offset unknown, standby, polarity unchecked, refused, watched, checked, no host, \
          armed, active, failsafe"
     );
@@ -230,11 +208,7 @@ fn a_calibration_is_accepted_only_when_the_rest_is_over() {
     let (last, before) = answers.split_last().unwrap();
     assert_eq!(*last, MavResult::MAV_RESULT_ACCEPTED);
     assert!(before.len() > 3, "once a second: {answers:?}");
-    assert!(
-        before
-            .iter()
-            .all(|result| *result == MavResult::MAV_RESULT_IN_PROGRESS)
-    );
+    assert!(before.iter().all(|result| *result == MavResult::MAV_RESULT_IN_PROGRESS));
     assert!(link.desk.flight.is_calibrated());
     // It is told once.
     assert_eq!(acks(&link.converse(&request(0), 200)).len(), 1);
@@ -285,8 +259,7 @@ fn an_acknowledgement_is_for_the_one_that_asked_however_late_it_comes() {
     assert_eq!(ack_target(&begun), [251, 190]);
     assert_eq!(ack_target(&hear(&mut link, 252, &request(148))), [252, 190]);
     while link.telemetry.has_storage_order() {
-        link.telemetry
-            .serve_storage(&mut flash, &mut link.desk.flight);
+        link.telemetry.serve_storage(&mut flash, &mut link.desk.flight);
     }
     let saved = link.telemetry.pending().to_vec();
     link.telemetry.sent(saved.len());
@@ -304,8 +277,7 @@ fn the_version_has_the_serial_number_and_capabilities() {
     let mut link = Link::new(Desk::in_standby(0.1));
     link.telemetry = Telemetry::new(Identity { system: 1, serial });
     let now = Micros(link.desk.now_us);
-    link.telemetry
-        .receive(now, &request(148), &mut link.desk.flight);
+    link.telemetry.receive(now, &request(148), &mut link.desk.flight);
     // `uid2` is an extension that this crate's decoder leaves out.
     let payload = &link.telemetry.pending()[10..86];
     assert_eq!(payload[60..], serial);
@@ -317,24 +289,17 @@ fn the_version_has_the_serial_number_and_capabilities() {
     assert_eq!(version.uid, u64::from_le_bytes(folded));
     assert_eq!(version.flight_sw_version & 0xFF, 255);
     assert!(
-        version
-            .capabilities
-            .contains(MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT)
+        version.capabilities.contains(MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT)
     );
     assert!(
-        !version
-            .capabilities
-            .contains(MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MISSION_INT)
+        !version.capabilities.contains(MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MISSION_INT)
     );
 }
 
 #[test]
 fn a_vehicle_with_another_number_speaks_by_it_and_obeys_no_order_to_the_first() {
     let mut link = Link::new(Desk::in_standby(0.1));
-    link.telemetry = Telemetry::new(Identity {
-        system: 7,
-        ..Identity::default()
-    });
+    link.telemetry = Telemetry::new(Identity { system: 7, ..Identity::default() });
     let arm = |target_system| {
         from_host(&COMMAND_LONG_DATA {
             command: ARM,
@@ -376,10 +341,7 @@ fn a_request_for_a_file_is_refused_at_once() {
     // The next number, the session, NAK, one byte, of OpenFileRO; unknown operation.
     assert_eq!(answer.payload[..8], [0x00, 0x13, 3, 129, 1, 4, 0, 0]);
     assert_eq!(answer.payload[8..14], [0, 0, 0, 0, 7, 0]);
-    let other = FILE_TRANSFER_PROTOCOL_DATA {
-        target_system: 2,
-        ..request
-    };
+    let other = FILE_TRANSFER_PROTOCOL_DATA { target_system: 2, ..request };
     assert_eq!(link.tell(&from_host(&other)), []);
 }
 
@@ -402,25 +364,16 @@ fn a_failsafe_is_told_with_its_reason_once_a_second() {
 
 #[test]
 fn a_refusal_is_not_repeated_within_two_seconds_and_names_what_is_latched() {
-    let crash = BootReport {
-        crash: Some(Crash::Watchdog),
-        ..BootReport::default()
-    };
+    let crash = BootReport { crash: Some(Crash::Watchdog), ..BootReport::default() };
     let mut link = Link::new(Desk::with(0.1, crate::flight::tests::params(), crash));
     link.converse(&[], 5);
     let arm = order(ARM, 1.0, 0.0);
     let said = texts(&link.tell(&arm));
-    let expected = [
-        "arm refused: in latched fault",
-        "latched fault: watchdog reset",
-    ];
+    let expected = ["arm refused: in latched fault", "latched fault: watchdog reset"];
     assert_eq!(said, expected);
     for _ in 0..3 {
         let again = link.tell(&arm);
-        assert_eq!(
-            acks(&again),
-            [(ARM, MavResult::MAV_RESULT_TEMPORARILY_REJECTED)]
-        );
+        assert_eq!(acks(&again), [(ARM, MavResult::MAV_RESULT_TEMPORARILY_REJECTED)]);
         assert!(texts(&again).is_empty(), "{again:?}");
     }
     link.converse(&[], 200);

@@ -5,9 +5,8 @@ use proptest::prelude::*;
 use std::vec;
 use std::vec::Vec;
 
-const SERIAL: [u8; 16] = [
-    0x01, 0x23, 0x45, 0x67, 0x89, 0xAB, 0xCD, 0xEF, 0, 1, 2, 3, 4, 5, 6, 0xF0,
-];
+const SERIAL: [u8; 16] =
+    [0x01, 0x23, 0x45, 0x67, 0x89, 0xAB, 0xCD, 0xEF, 0, 1, 2, 3, 4, 5, 6, 0xF0];
 static DESCRIPTOR: [u8; 18] = descriptors::device(0x2341, 0x8057);
 
 /// Notes what it is told.
@@ -118,10 +117,8 @@ fn a_host_reads_all_descriptors() {
     let text = |device: &mut Device, index: u16| {
         let bytes = descriptor(device, 0x0300 | index, 255).unwrap();
         assert_eq!((usize::from(bytes[0]), bytes[1]), (bytes.len(), 3));
-        let units: Vec<u16> = bytes[2..]
-            .chunks_exact(2)
-            .map(|unit| u16::from_le_bytes([unit[0], unit[1]]))
-            .collect();
+        let units: Vec<u16> =
+            bytes[2..].chunks_exact(2).map(|unit| u16::from_le_bytes([unit[0], unit[1]])).collect();
         std::string::String::from_utf16(&units).unwrap()
     };
     assert_eq!(text(&mut device, 1), "tvc-nano");
@@ -137,11 +134,7 @@ fn a_host_reads_all_descriptors() {
 #[test]
 fn data_end_with_a_short_packet_or_with_what_was_wanted() {
     let mut device = device();
-    let mut packets = |length| {
-        read(&mut device, setup(0x80, 6, 0x0200, 0, length))
-            .unwrap()
-            .1
-    };
+    let mut packets = |length| read(&mut device, setup(0x80, 6, 0x0200, 0, length)).unwrap().1;
     assert_eq!(packets(9), 1);
     assert_eq!(packets(64), 1, "no empty packet behind all that was wanted");
     assert_eq!(packets(65), 2);
@@ -159,9 +152,7 @@ fn the_configuration_is_whole() {
     }
     assert!(rest.is_empty());
     assert_eq!(kinds, [2, 11, 4, 0x24, 0x24, 0x24, 0x24, 5, 4, 5, 5]);
-    let [.., total, _, _, _, _, _, _] = WHOLE_CONFIGURATION[..9] else {
-        unreachable!()
-    };
+    let [.., total, _, _, _, _, _, _] = WHOLE_CONFIGURATION[..9] else { unreachable!() };
     assert_eq!(usize::from(total), WHOLE_CONFIGURATION.len());
 }
 
@@ -246,10 +237,7 @@ fn endpoints_are_halted_and_go_on() {
     }
     assert_eq!(note.stalls, 0);
     // Endpoint 0 is never halted, and there are no others.
-    assert_eq!(
-        read(&mut device, setup(0x82, 0, 0, 0x80, 2)).unwrap().0,
-        [0, 0]
-    );
+    assert_eq!(read(&mut device, setup(0x82, 0, 0, 0x80, 2)).unwrap().0, [0, 0]);
     assert!(write(&mut device, setup(0x02, 1, 0, 0, 0), &[]).0);
     for index in [0x02, 0x83, 0x101, 0xFFFF] {
         assert!(read(&mut device, setup(0x82, 0, 0, index, 2)).is_none());
@@ -263,23 +251,10 @@ fn endpoints_are_halted_and_go_on() {
 #[test]
 fn interfaces_have_one_setting() {
     let mut device = device();
-    assert_eq!(
-        read(&mut device, setup(0x80, 0, 0, 0, 2)).unwrap().0,
-        [0, 0]
-    );
+    assert_eq!(read(&mut device, setup(0x80, 0, 0, 0, 2)).unwrap().0, [0, 0]);
     for interface in 0..2 {
-        assert_eq!(
-            read(&mut device, setup(0x81, 0, 0, interface, 2))
-                .unwrap()
-                .0,
-            [0, 0]
-        );
-        assert_eq!(
-            read(&mut device, setup(0x81, 10, 0, interface, 1))
-                .unwrap()
-                .0,
-            [0]
-        );
+        assert_eq!(read(&mut device, setup(0x81, 0, 0, interface, 2)).unwrap().0, [0, 0]);
+        assert_eq!(read(&mut device, setup(0x81, 10, 0, interface, 1)).unwrap().0, [0]);
         assert!(write(&mut device, setup(0x01, 11, 0, interface, 0), &[]).0);
         assert!(!write(&mut device, setup(0x01, 11, 1, interface, 0), &[]).0);
     }

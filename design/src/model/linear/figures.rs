@@ -35,11 +35,7 @@ impl Analysis {
             self.point.crank_rad,
             self.rudder_rad.to_degrees(),
             self.torque_n_m,
-            if self.is_equilibrium() {
-                "an"
-            } else {
-                "not an"
-            }
+            if self.is_equilibrium() { "an" } else { "not an" }
         )
     }
 
@@ -105,9 +101,7 @@ impl Analysis {
         let margins = open.margins();
         let (gain, phase) = (margins.gain, margins.phase);
         let margin = |key, value: Option<f64>, label, unit, decimals| {
-            figure(key, value)
-                .shown(label, unit, decimals)
-                .or("no crossing")
+            figure(key, value).shown(label, unit, decimals).or("no crossing")
         };
         let (gain_db, gain_at) = gain.map(|m| (m.db, m.at_rad_s)).unzip();
         let (phase_deg, phase_at) = phase.map(|m| (m.deg, m.at_rad_s)).unzip();
@@ -135,11 +129,7 @@ impl Analysis {
                 data("kd", &self.gains.1).said("gain kd of the loop", self.gains.1.to_string()),
                 figure("delays_s", delays_s),
                 figure("margins", margins),
-                complex(
-                    "closed_loop_poles",
-                    &self.closed_poles(),
-                    "closed-loop poles, rad/s",
-                ),
+                complex("closed_loop_poles", &self.closed_poles(), "closed-loop poles, rad/s"),
                 figure("stable", self.is_stable()).shown("stable", "", 0),
             ],
         )
@@ -190,11 +180,7 @@ fn complex_list(values: &[Complex<f64>]) -> String {
             }
         })
         .collect();
-    if texts.is_empty() {
-        "none".into()
-    } else {
-        texts.join(", ")
-    }
+    if texts.is_empty() { "none".into() } else { texts.join(", ") }
 }
 
 #[cfg(test)]

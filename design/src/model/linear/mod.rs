@@ -42,9 +42,7 @@ pub fn run(options: &Linear) -> Result<Verdict> {
     if !analysis.is_equilibrium() {
         eprintln!("note: {}", analysis.note());
     }
-    analysis
-        .figures()
-        .conclude(options.json, Some((&options.report, page)))
+    analysis.figures().conclude(options.json, Some((&options.report, page)))
 }
 
 fn analyse(options: &Linear) -> Result<Analysis, BadInput> {
@@ -62,14 +60,7 @@ fn analyse(options: &Linear) -> Result<Analysis, BadInput> {
         residual_rad_s2: mechanism.accelerations(&point, torque_n_m),
         model: linearise(&mechanism, &point, torque_n_m),
         gains,
-        open: OpenLoop::at_point(
-            &mechanism,
-            &point,
-            &setup.servo,
-            &setup.timing,
-            gains.0,
-            gains.1,
-        ),
+        open: OpenLoop::at_point(&mechanism, &point, &setup.servo, &setup.timing, gains.0, gains.1),
     })
 }
 
@@ -100,15 +91,10 @@ fn point(options: &Linear, mechanism: &Mechanism) -> Result<(State, f64), BadInp
         return equilibrium(mechanism, pitch_rad)
             .map(|rest| (rest.state, rest.torque_n_m))
             .ok_or_else(|| {
-                BadInput::new(format!(
-                    "--pitch {pitch_rad}: no rudder angle holds the drone there"
-                ))
+                BadInput::new(format!("--pitch {pitch_rad}: no rudder angle holds the drone there"))
             });
     }
-    let upright = |crank_rad| State {
-        crank_rad,
-        ..State::default()
-    };
+    let upright = |crank_rad| State { crank_rad, ..State::default() };
     let Some(crank_rad) = options.at else {
         return Ok((upright(linkage.zero_rudder_crank_rad()), 0.0));
     };

@@ -47,10 +47,7 @@ pub fn render(analysis: &Analysis) -> Result<String> {
              the root locus."
         }
     };
-    let title = format!(
-        "Linear model, kp {}, kd {}",
-        analysis.gains.0, analysis.gains.1
-    );
+    let title = format!("Linear model, kp {}, kd {}", analysis.gains.0, analysis.gains.1);
     Ok(page(&title, body))
 }
 
@@ -60,12 +57,7 @@ fn parts(values: &[Complex<f64>]) -> Vec<(f64, f64)> {
 }
 
 fn marks<'a>(name: &'a str, colour: usize, shape: Shape, values: &[Complex<f64>]) -> Marks<'a> {
-    Marks {
-        name,
-        colour,
-        shape,
-        points: parts(values),
-    }
+    Marks { name, colour, shape, points: parts(values) }
 }
 
 /// A picture of the complex plane whose circles are round, `reach` either side vertically, with
@@ -146,10 +138,7 @@ fn locus_lines<'a>(
     gain: f64,
 ) -> Vec<Line<'a>> {
     let locus = open.root_locus(gains_around(gain.abs()).map(|g| g * gain.signum()));
-    branches(&locus)
-        .into_iter()
-        .map(|points| Line::new(name, colour, points))
-        .collect()
+    branches(&locus).into_iter().map(|points| Line::new(name, colour, points)).collect()
 }
 
 /// Gives the branches one entry in the legend: all but the first lose their name.
@@ -179,11 +168,7 @@ fn loop_locus(analysis: &Analysis) -> Result<Markup> {
     let lines = locus_lines(&open, "", 4, 1.0);
     let closed = open.closed_poles(1.0);
     // The poles and zeros of the delay lie far out: the picture leaves them out.
-    let near: Vec<_> = closed
-        .iter()
-        .filter(|z| z.norm() < 120.0)
-        .copied()
-        .collect();
+    let near: Vec<_> = closed.iter().filter(|z| z.norm() < 120.0).copied().collect();
     let look = plane(
         reach(&near).min(90.0),
         0.65,
@@ -224,11 +209,7 @@ fn bode(analysis: &Analysis) -> Result<Markup> {
             .collect()
     };
     let look = |phase: bool| {
-        let value: fn(&Response) -> f64 = if phase {
-            |r| r.phase_deg
-        } else {
-            |r| r.gain_db
-        };
+        let value: fn(&Response) -> f64 = if phase { |r| r.phase_deg } else { |r| r.gain_db };
         let dot = |name, colour, place| Marks {
             name,
             colour,
@@ -264,14 +245,9 @@ fn nyquist(analysis: &Analysis) -> Result<Markup> {
     let response = analysis.open.response(0.02, 3000.0, 4 * POINTS);
     // Thinning would cut corners of a curve that is slow in one place and fast in another: what
     // lies far outside the picture goes first.
-    let values: Vec<Complex<f64>> = response
-        .iter()
-        .map(|r| r.value)
-        .filter(|z| z.norm() < 12.0)
-        .collect();
-    let circle = (0..=180)
-        .map(|i| f64::from(2 * i).to_radians().sin_cos())
-        .collect();
+    let values: Vec<Complex<f64>> =
+        response.iter().map(|r| r.value).filter(|z| z.norm() < 12.0).collect();
+    let circle = (0..=180).map(|i| f64::from(2 * i).to_radians().sin_cos()).collect();
     let mirrored = values.iter().map(|z| (z.re, -z.im)).collect();
     let lines = vec![
         Line::new("open loop", 0, parts(&values)),

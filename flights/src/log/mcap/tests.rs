@@ -50,10 +50,7 @@ fn every_kind() -> Vec<MavMessage> {
             value: 0.5,
             name: CRANKS[0].into(),
         }),
-        MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-            custom_mode: 2,
-            ..HEARTBEAT_DATA::default()
-        }),
+        MavMessage::HEARTBEAT(HEARTBEAT_DATA { custom_mode: 2, ..HEARTBEAT_DATA::default() }),
         MavMessage::SYS_STATUS(SYS_STATUS_DATA::default()),
         MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
             param_id: "PID_KP".into(),
@@ -78,9 +75,7 @@ fn written() -> Vec<u8> {
     for (index, message) in messages.iter().enumerate() {
         let sequence = index + usize::from(index == last);
         let time_us = 1_000_000 + 10_000 * index as u64;
-        writer
-            .write(time_us, &frame(sequence as u8, message))
-            .unwrap();
+        writer.write(time_us, &frame(sequence as u8, message)).unwrap();
     }
     writer.end().unwrap();
     std::fs::read(path).unwrap()
@@ -174,10 +169,7 @@ fn the_body_in_a_viewer_points_where_the_drone_points() {
     ));
     let forward = rotation * Vector3::x();
     let (sin, cos) = 30_f64.to_radians().sin_cos();
-    assert!(
-        (forward - Vector3::new(0.0, cos, sin)).norm() < 1e-6,
-        "{forward}"
-    );
+    assert!((forward - Vector3::new(0.0, cos, sin)).norm() < 1e-6, "{forward}");
     let left = rotation * Vector3::y();
     assert!((left + Vector3::x()).norm() < 1e-6, "west: {left}");
 }
@@ -229,9 +221,7 @@ fn the_vehicles_build_and_parameters_are_metadata() {
 fn every_topic_and_field_of_the_layouts_is_in_a_log() {
     let fields = |separator: &str| -> Vec<String> {
         let of_topic = |Topic(name, _, fields): &Topic| -> Vec<String> {
-            let fields = fields
-                .iter()
-                .map(|(field, _)| format!("{name}{separator}{field}"));
+            let fields = fields.iter().map(|(field, _)| format!("{name}{separator}{field}"));
             fields.collect()
         };
         TOPICS.iter().flat_map(of_topic).collect()
@@ -246,10 +236,7 @@ fn every_topic_and_field_of_the_layouts_is_in_a_log() {
         for name in quoted.filter(|text| text.starts_with('/')) {
             named += 1;
             let is_topic = TOPICS.iter().any(|topic| topic.0 == name);
-            assert!(
-                is_topic || fields.iter().any(|field| field == name),
-                "{name}"
-            );
+            assert!(is_topic || fields.iter().any(|field| field == name), "{name}");
         }
         assert!(named > 4, "{named}");
     }

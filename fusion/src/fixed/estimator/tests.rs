@@ -22,11 +22,7 @@ fn the_first_offset_is_not_that_of_a_single_block() {
             estimator.update(
                 &mut state,
                 10_000,
-                &Counts {
-                    gyr: [rate, 0, 0],
-                    acc: [0, 0, -981],
-                    mag: None,
-                },
+                &Counts { gyr: [rate, 0, 0], acc: [0, 0, -981], mag: None },
             );
             samples += 1;
             assert!(samples < 1_000, "the offset is learned");
@@ -44,11 +40,7 @@ fn a_body_in_free_flight_is_turned_by_its_rates_alone() {
     let config = Config::default().without_lags();
     let estimator = Estimator::<Vqf>::new(&config, &Scale::BNO055, 10_000).expect("in range");
     let mut state = estimator.start();
-    let rest = Counts {
-        gyr: [16, -8, 24],
-        acc: [0, 0, -981],
-        mag: Some([300, 0, 700]),
-    };
+    let rest = Counts { gyr: [16, -8, 24], acc: [0, 0, -981], mag: Some([300, 0, 700]) };
     for _ in 0..1_000 {
         estimator.update(&mut state, 10_000, &rest);
     }
@@ -56,11 +48,7 @@ fn a_body_in_free_flight_is_turned_by_its_rates_alone() {
     for _ in 0..1_000 {
         estimator.coast(&mut state, 10_000, &rest.gyr);
     }
-    assert!(
-        tilt(&estimator, &state) < 2e-3,
-        "{}",
-        tilt(&estimator, &state)
-    );
+    assert!(tilt(&estimator, &state) < 2e-3, "{}", tilt(&estimator, &state));
     assert_eq!(estimator.bias_q9(&state), bias);
     // 90 deg/s for a second, in steps of one and of four periods.
     let turning = [16 + 90 * 16, -8, 24];
@@ -74,18 +62,11 @@ fn a_body_in_free_flight_is_turned_by_its_rates_alone() {
     let roll = crate::fixed::Angles::to_rad(angles.roll);
     let seconds = 0.6 + 10.0 * f64::from(estimator.max_dt_us) * 1e-6;
     let expected = seconds * std::f64::consts::FRAC_PI_2;
-    assert!(
-        (f64::from(roll) - expected).abs() < 3e-3,
-        "{roll} of {expected}"
-    );
+    assert!((f64::from(roll) - expected).abs() < 3e-3, "{roll} of {expected}");
     for _ in 0..3_000 {
         estimator.update(&mut state, 10_000, &rest);
     }
-    assert!(
-        tilt(&estimator, &state) < 5e-3,
-        "{}",
-        tilt(&estimator, &state)
-    );
+    assert!(tilt(&estimator, &state) < 5e-3, "{}", tilt(&estimator, &state));
 }
 
 /// A body at rest whose gyroscope reads 3 deg/s about its level axes. The estimate turns until the
@@ -95,31 +76,19 @@ fn levelling_undoes_what_an_unknown_offset_has_turned() {
     let estimator =
         Estimator::<Vqf>::new(&Config::default(), &Scale::BNO055, 6_667).expect("in range");
     let mut state = estimator.start();
-    let counts = Counts {
-        gyr: [48, -48, 0],
-        acc: [0, 0, -981],
-        mag: Some([300, 0, 700]),
-    };
+    let counts = Counts { gyr: [48, -48, 0], acc: [0, 0, -981], mag: Some([300, 0, 700]) };
     let mut samples = 0;
     while (estimator.bias_q9(&state)[0] - (48 << 9)).abs() > 256 {
         estimator.update(&mut state, 6_667, &counts);
         samples += 1;
         assert!(samples < 750, "the offset is learned within 5 s");
     }
-    assert!(
-        tilt(&estimator, &state) > 0.02,
-        "{}",
-        tilt(&estimator, &state)
-    );
+    assert!(tilt(&estimator, &state) > 0.02, "{}", tilt(&estimator, &state));
     estimator.level(&mut state);
     for _ in 0..150 {
         estimator.update(&mut state, 6_667, &counts);
     }
-    assert!(
-        tilt(&estimator, &state) < 0.001,
-        "{}",
-        tilt(&estimator, &state)
-    );
+    assert!(tilt(&estimator, &state) < 0.001, "{}", tilt(&estimator, &state));
     assert!((estimator.bias_q9(&state)[0] - (48 << 9)).abs() <= 256);
 }
 
@@ -188,9 +157,5 @@ fn after_a_reset_the_attitude_is_found_anew_with_the_offset_that_was_learned() {
         estimator.update(&mut state, 10_000, &lively(k));
     }
     assert!(estimator.flags(&state).initialised);
-    assert!(
-        tilt(&estimator, &state) < 0.06,
-        "{}",
-        tilt(&estimator, &state)
-    );
+    assert!(tilt(&estimator, &state) < 0.06, "{}", tilt(&estimator, &state));
 }

@@ -32,18 +32,10 @@ pub fn figures(choice: &Choice, offline: bool, recordings: &[Recording]) -> Figu
             figure("out", recording.out.clone()),
             figure("samples", recording.samples),
             figure("magnetometer_samples", recording.magnetometer_samples),
-            figure(
-                "score",
-                recording
-                    .score
-                    .map(|score| score_figures(score, has_heading, "")),
-            ),
+            figure("score", recording.score.map(|score| score_figures(score, has_heading, ""))),
         ]
     };
-    let scores: Vec<Score> = recordings
-        .iter()
-        .filter_map(|recording| recording.score)
-        .collect();
+    let scores: Vec<Score> = recordings.iter().filter_map(|recording| recording.score).collect();
     let mean = |of: fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
     let mean = (!scores.is_empty()).then(|| Score {
         total_deg: mean(|score| score.total_deg),
@@ -51,21 +43,14 @@ pub fn figures(choice: &Choice, offline: bool, recordings: &[Recording]) -> Figu
         inclination_deg: mean(|score| score.inclination_deg),
         samples: scores.iter().map(|score| score.samples).sum(),
     });
-    let mean = figure(
-        "mean",
-        mean.map(|mean| score_figures(mean, has_heading, "mean ")),
-    );
+    let mean = figure("mean", mean.map(|mean| score_figures(mean, has_heading, "mean ")));
     Figures::from([
         figure("filter", choice.filter.to_string()),
         figure("mode", choice.mode.to_string()),
         figure("scalar", choice.scalar.to_string()),
         figure("offline", offline),
         rows("files", recordings.iter().map(row)),
-        if scores.len() > 1 {
-            mean
-        } else {
-            mean.unseen()
-        },
+        if scores.len() > 1 { mean } else { mean.unseen() },
     ])
 }
 
@@ -76,16 +61,8 @@ fn score_figures(score: Score, has_heading: bool, of: &str) -> [Figure; 4] {
     };
     [
         deg("total_deg", "total", has_heading.then_some(score.total_deg)),
-        deg(
-            "heading_deg",
-            "heading",
-            has_heading.then_some(score.heading_deg),
-        ),
-        deg(
-            "inclination_deg",
-            "inclination",
-            Some(score.inclination_deg),
-        ),
+        deg("heading_deg", "heading", has_heading.then_some(score.heading_deg)),
+        deg("inclination_deg", "inclination", Some(score.inclination_deg)),
         figure("samples", score.samples).shown(format!("{of}samples"), "", 0),
     ]
 }
@@ -126,12 +103,8 @@ mod tests {
     }
 
     fn found(mode: Mode, inclinations: &[Option<f64>]) -> (serde_json::Value, String) {
-        let choice = Choice {
-            filter: FilterName::Vqf,
-            scalar: Scalar::F32,
-            mode,
-            settings: Vec::new(),
-        };
+        let choice =
+            Choice { filter: FilterName::Vqf, scalar: Scalar::F32, mode, settings: Vec::new() };
         let figures = figures(&choice, false, &recordings(inclinations));
         (serde_json::json!(figures), figures.text())
     }
@@ -142,10 +115,7 @@ mod tests {
         assert_eq!(object["mean"]["total_deg"], 4.5);
         assert_eq!(object["mean"]["inclination_deg"], 1.5);
         assert!(object["files"][0]["score"].is_null());
-        assert!(
-            text.contains("mean total") && text.matches("walk").count() == 2,
-            "{text}"
-        );
+        assert!(text.contains("mean total") && text.matches("walk").count() == 2, "{text}");
         let (object, text) = found(Mode::NineD, &[None]);
         assert!(object["mean"].is_null() && text.is_empty(), "{text}");
     }
@@ -155,10 +125,7 @@ mod tests {
         let (object, text) = found(Mode::SixD, &[Some(1.0), Some(2.0)]);
         assert!(object["mean"]["total_deg"].is_null());
         assert_eq!(object["mean"]["inclination_deg"], 1.5);
-        assert!(
-            !text.contains("mean total") && text.contains("mean inclination"),
-            "{text}"
-        );
+        assert!(!text.contains("mean total") && text.contains("mean inclination"), "{text}");
         assert!(notes(Mode::SixD, true, &recordings(&[Some(1.0)])).is_empty());
     }
 

@@ -73,10 +73,7 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
     if scored {
         figures(&choice, options.offline, &recordings).conclude(options.json, None)?;
     }
-    for path in recordings
-        .iter()
-        .filter_map(|recording| recording.out.as_ref())
-    {
+    for path in recordings.iter().filter_map(|recording| recording.out.as_ref()) {
         eprintln!("estimates: {path}");
     }
     Ok(Verdict::Met)
@@ -141,12 +138,7 @@ impl Outcome {
         if let Some(out) = &mut out {
             writeln!(out, "t,w,x,y,z").context(WRITING)?;
         }
-        Ok(Self {
-            samples: 0,
-            magnetometer_samples: 0,
-            scorer: Scorer::default(),
-            out,
-        })
+        Ok(Self { samples: 0, magnetometer_samples: 0, scorer: Scorer::default(), out })
     }
 
     fn add(&mut self, sample: &RecordedSample, ned: [f64; 4]) -> Result<()> {

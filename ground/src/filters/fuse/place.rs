@@ -53,8 +53,7 @@ pub fn places(files: &[PathBuf], out: Option<&Path>) -> Result<Vec<Option<PathBu
 }
 
 fn is_csv(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
 }
 
 #[cfg(test)]
@@ -72,22 +71,14 @@ mod tests {
         let one = places(&files(&["a/walk.imuq"]), Some(Path::new("est.csv"))).unwrap();
         assert_eq!(one, [Some(PathBuf::from("est.csv"))]);
         let two = places(&files(&["a/walk.imuq", "run.csv"]), Some(Path::new("est"))).unwrap();
-        assert_eq!(
-            two,
-            [
-                Some(PathBuf::from("est/walk.csv")),
-                Some(PathBuf::from("est/run.csv"))
-            ]
-        );
+        assert_eq!(two, [Some(PathBuf::from("est/walk.csv")), Some(PathBuf::from("est/run.csv"))]);
         assert_eq!(places(&files(&["a", "b"]), None).unwrap(), [None, None]);
     }
 
     #[test]
     fn nothing_is_overwritten_unasked() {
         let said = |names: &[&str], out: &str| {
-            places(&files(names), Some(Path::new(out)))
-                .unwrap_err()
-                .to_string()
+            places(&files(names), Some(Path::new(out))).unwrap_err().to_string()
         };
         assert!(said(&["a.imuq", "b.imuq"], "e.csv").contains("name a folder"));
         assert!(said(&["a/x.imuq", "b/x.imuq"], "est").contains("two recordings"));

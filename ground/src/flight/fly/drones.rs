@@ -32,11 +32,8 @@ use report::plot::{Line, Plot};
 /// Tilts of the drone with two rudders, of one axis or of each, rad.
 const JOINT_STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.6];
 /// Which axes are tilted, pitch and roll, and how a table calls that.
-const DIRECTIONS: [([f64; 2], &str); 3] = [
-    ([1.0, 0.0], "pitch"),
-    ([0.0, 1.0], "roll"),
-    ([1.0, 1.0], "both"),
-];
+const DIRECTIONS: [([f64; 2], &str); 3] =
+    [([1.0, 0.0], "pitch"), ([0.0, 1.0], "roll"), ([1.0, 1.0], "both")];
 /// Rates about the drone's own vertical at the release, rad/s.
 const SPINS_RAD_S: [f64; 2] = [0.0, 1.0];
 /// Where the nose points, deg from north to the east.
@@ -64,30 +61,17 @@ impl Start {
     fn new(direction: usize, size_rad: f64, side: f64, spin_rad_s: f64) -> Self {
         let (direction, axes) = DIRECTIONS[direction];
         let tilt_rad = direction.map(|share| side * share * size_rad);
-        Self {
-            axes,
-            size_rad,
-            tilt_rad,
-            spin_rad_s,
-        }
+        Self { axes, size_rad, tilt_rad, spin_rad_s }
     }
 
     fn release(&self, vehicle: VehicleKind) -> Release {
-        let Self {
-            tilt_rad,
-            spin_rad_s,
-            ..
-        } = *self;
+        let Self { tilt_rad, spin_rad_s, .. } = *self;
         // On the pivot a rate has the sign of its pitch, in the joint that of its tilt.
         let rate_rad_s = match vehicle {
             VehicleKind::Drone => START_RATE_RAD_S.copysign(tilt_rad[0]),
             VehicleKind::Drone2 | VehicleKind::Rocket => START_RATE_RAD_S,
         };
-        Release {
-            tilt_rad,
-            rate_rad_s,
-            spin_rad_s,
-        }
+        Release { tilt_rad, rate_rad_s, spin_rad_s }
     }
 }
 
@@ -101,12 +85,7 @@ struct Boot {
 
 impl Boot {
     fn new(setup: Setup, seed: u64, heading_deg: f64, starts: Vec<Start>) -> Self {
-        Self {
-            setup,
-            seed,
-            heading_deg,
-            starts,
-        }
+        Self { setup, seed, heading_deg, starts }
     }
 }
 
@@ -143,9 +122,8 @@ impl Run {
         });
         let responses = [pitch?, roll?];
         let motion = record.motion.iter();
-        let path: Vec<(f64, [f64; 2])> = motion
-            .map(|m| (since(record, m.time), [m.pitch_rad, m.roll.roll_rad]))
-            .collect();
+        let path: Vec<(f64, [f64; 2])> =
+            motion.map(|m| (since(record, m.time), [m.pitch_rad, m.roll.roll_rad])).collect();
         let rest = path.iter().filter(|(at_s, _)| *at_s >= FLIGHT_S - REST_S);
         let rest: Vec<f64> = rest.map(|(_, [pitch, _])| pitch * pitch).collect();
         let upright = start_rad.iter().position(|start| *start == 0.0);
@@ -179,15 +157,13 @@ impl Run {
     /// Those of two figures whose axes were tilted.
     fn tilted(&self, figures: [Option<f64>; 2]) -> impl Iterator<Item = Option<f64>> {
         let axes = self.start_rad.into_iter().zip(figures);
-        axes.filter(|(start, _)| *start != 0.0)
-            .map(|(_, figure)| figure)
+        axes.filter(|(start, _)| *start != 0.0).map(|(_, figure)| figure)
     }
 
     /// What the thesis requires of every release.
     fn is_within(&self) -> bool {
         let met = |figures, most: f64| {
-            self.tilted(figures)
-                .all(|figure| figure.is_some_and(|value| value <= most))
+            self.tilted(figures).all(|figure| figure.is_some_and(|value| value <= most))
         };
         self.stayed_active && met(self.overshoot_pct, 30.0) && met(self.settling_5pct_s, 1.5)
     }
@@ -219,9 +195,7 @@ impl Flying<'_> {
 
     /// The tilts that are flown from: the option's, or else these.
     fn sizes(&self, usual: [f64; 3]) -> Vec<f64> {
-        self.options
-            .start
-            .map_or(usual.to_vec(), |start| vec![start])
+        self.options.start.map_or(usual.to_vec(), |start| vec![start])
     }
 
     /// What all campaigns of drones begin with.
@@ -241,10 +215,7 @@ impl Flying<'_> {
             let start = |size_rad: &f64| {
                 let start = Start::new(0, *size_rad, side, 0.0);
                 // The sign of a zero is part of what the instant of the release is drawn from.
-                Start {
-                    tilt_rad: [start.tilt_rad[0], 0.0],
-                    ..start
-                }
+                Start { tilt_rad: [start.tilt_rad[0], 0.0], ..start }
             };
             let starts = sizes.iter().map(start).collect();
             Boot::new(self.setup(seed), seed, 0.0, starts)
@@ -252,14 +223,9 @@ impl Flying<'_> {
         let runs = self.fly_drones("seeds", &boots.collect::<Vec<_>>())?;
         let servo = self.options.servo;
         let table = sizes.iter().map(|&size| {
-            let of: Vec<&Run> = runs
-                .iter()
-                .filter(|run| run.start.size_rad == size)
-                .collect();
+            let of: Vec<&Run> = runs.iter().filter(|run| run.start.size_rad == size).collect();
             let limit_s = limit_s(self.setup, size)?;
-            let ratio = over(&of, |run| {
-                run.settling_5pct_s.map(|s| s.map(|s| s / limit_s))
-            });
+            let ratio = over(&of, |run| run.settling_5pct_s.map(|s| s.map(|s| s / limit_s)));
             let overshoot = over(&of, |run| run.overshoot_pct);
             let settling = over(&of, |run| run.settling_5pct_s);
             let residual = over(&of, |run| [Some(run.residual_mrad); 2]);
@@ -284,13 +250,7 @@ impl Flying<'_> {
              to either side in turn. The limit is bang-bang control with the rudder's rate \
              limited, without delay and lag; the residual is the rms of the pitch over the last \
              second.";
-        Ok(told(
-            &title,
-            &[words],
-            figures,
-            "distribution",
-            &plots(&sizes, 1, &runs)?,
-        ))
+        Ok(told(&title, &[words], figures, "distribution", &plots(&sizes, 1, &runs)?))
     }
 
     /// Flies the drone with two rudders with each of `count` seeds; the figures and the page.
@@ -299,15 +259,11 @@ impl Flying<'_> {
         let start = |side: f64, size_rad: f64, direction: usize| {
             SPINS_RAD_S.map(|spin_rad_s| Start::new(direction, size_rad, side, spin_rad_s))
         };
-        let places = sizes
-            .iter()
-            .flat_map(|size| [0, 1, 2].map(|axes| (*size, axes)));
+        let places = sizes.iter().flat_map(|size| [0, 1, 2].map(|axes| (*size, axes)));
         let places: Vec<(f64, usize)> = places.collect();
         let boots = self.seeded(count).flat_map(|(seed, side)| {
             HEADINGS_DEG.map(|heading_deg| {
-                let starts = places
-                    .iter()
-                    .flat_map(|(size, axes)| start(side, *size, *axes));
+                let starts = places.iter().flat_map(|(size, axes)| start(side, *size, *axes));
                 let starts = starts.collect();
                 let mut setup = self.setup(seed);
                 setup.rig.bench.heading_rad = heading_deg.to_radians();
@@ -315,9 +271,8 @@ impl Flying<'_> {
             })
         });
         let runs = self.fly_drones("headings", &boots.collect::<Vec<_>>())?;
-        let rows_of = places
-            .iter()
-            .map(|(size, axes)| self.joint_row(*size, DIRECTIONS[*axes].1, &runs));
+        let rows_of =
+            places.iter().map(|(size, axes)| self.joint_row(*size, DIRECTIONS[*axes].1, &runs));
         let table = rows("starts", rows_of);
         let figures = self.named().into_iter().chain([
             figure("seeds", count),
@@ -332,13 +287,7 @@ impl Flying<'_> {
              about its own vertical, with the nose to the north, east and south-east. Cross \
              coupling is the largest angle of an axis that was upright, as a share of the other's \
              start.";
-        Ok(told(
-            &title,
-            &[words],
-            figures.into(),
-            "starts",
-            &plots(&sizes, 3, &runs)?,
-        ))
+        Ok(told(&title, &[words], figures.into(), "starts", &plots(&sizes, 3, &runs)?))
     }
 
     /// The row of a tilt of some axes.
@@ -351,10 +300,7 @@ impl Flying<'_> {
         };
         let overshoot = over(&of, |run| held(run, run.overshoot_pct));
         let settling = over(&of, |run| held(run, run.settling_5pct_s));
-        let cross = of
-            .iter()
-            .filter_map(|run| run.cross_coupling_pct)
-            .reduce(f64::max);
+        let cross = of.iter().filter_map(|run| run.cross_coupling_pct).reduce(f64::max);
         let within = |value: f64| value.is_finite().then_some(value);
         [
             figure("start_rad", size).shown("start", "rad", 2),
@@ -380,11 +326,8 @@ impl Flying<'_> {
     fn cycles(&self, size_rad: f64) -> Result<Figure> {
         let mut setup = self.with_wait_states(0);
         setup.rig.bench.faults.clear();
-        let release = Release {
-            tilt_rad: [size_rad; 2],
-            rate_rad_s: START_RATE_RAD_S,
-            spin_rad_s: 0.0,
-        };
+        let release =
+            Release { tilt_rad: [size_rad; 2], rate_rad_s: START_RATE_RAD_S, spin_rad_s: 0.0 };
         let ready = prepare(self.image, &setup, &mut |_| ())?;
         let record = ready.fly_from(&release, 1.0, &mut |_| ())?;
         let spread = record.timing.cycles_per_step;
@@ -393,10 +336,7 @@ impl Flying<'_> {
             figure(key, cycles).shown(label, "", 0)
         };
         let mean = cycles("cycles_per_step_mean", spread.mean, "mean");
-        Ok(figure(
-            "loop",
-            [mean, cycles("cycles_per_step_max", spread.max, "worst")],
-        ))
+        Ok(figure("loop", [mean, cycles("cycles_per_step_max", spread.max, "worst")]))
     }
 
     /// Flies `count` vehicles that are not as their parameters say, one flight each; the figures
@@ -405,16 +345,9 @@ impl Flying<'_> {
         let Self { options, .. } = self;
         let nominal = control_law::setup(options.servo, options.drone.as_deref())?;
         let campaign = Campaign::new(options.seed, count.into());
-        let campaign = Campaign {
-            ranges: Ranges::WIDE,
-            ..campaign
-        };
+        let campaign = Campaign { ranges: Ranges::WIDE, ..campaign };
         let is_joint = options.vehicle != VehicleKind::Drone;
-        let sizes = self.sizes(if is_joint {
-            JOINT_STARTS_RAD
-        } else {
-            STARTS_RAD
-        });
+        let sizes = self.sizes(if is_joint { JOINT_STARTS_RAD } else { STARTS_RAD });
         let boots = campaign.indices().map(|index| {
             let draw = campaign.draw(index);
             let drawn = draw.setup(&nominal);
@@ -422,11 +355,7 @@ impl Flying<'_> {
             let heading_deg = dice.random_range(-180.0..180.0);
             let spin_rad_s = dice.random_range(-1.0..1.0);
             let direction = dice.random_range(0..DIRECTIONS.len());
-            let (direction, spin_rad_s) = if is_joint {
-                (direction, spin_rad_s)
-            } else {
-                (0, 0.0)
-            };
+            let (direction, spin_rad_s) = if is_joint { (direction, spin_rad_s) } else { (0, 0.0) };
             let size_rad = sizes[(index % sizes.len() as u64) as usize];
             let side = draw.start_rad.signum();
             let mut setup = self.setup(draw.noise_seed);
@@ -471,10 +400,7 @@ impl Flying<'_> {
 /// The shortest 5 % settling that the rudder's speed allows, s (docs/explanation/model.md).
 fn limit_s(setup: &Setup, start_rad: f64) -> Result<f64> {
     let bench = &setup.rig.bench;
-    let actuator = Actuator {
-        rate_rad_s: bench.servo.speed_rad_s,
-        limit_rad: COMMAND_LIMIT_RAD,
-    };
+    let actuator = Actuator { rate_rad_s: bench.servo.speed_rad_s, limit_rad: COMMAND_LIMIT_RAD };
     let rate_rad_s = START_RATE_RAD_S.copysign(start_rad);
     let limit = limit::time_optimal(&bench.parameters, actuator, start_rad, rate_rad_s, 0.0)?;
     Ok(limit.response.settling_s(BAND).unwrap_or(limit.to_rest_s))

@@ -71,14 +71,8 @@ pub fn parse(text: &str, seed: u64, length_s: f64) -> Result<Scenario, String> {
     disturbances.check()?;
     let mut dice = generator(seed, Stream::Campaign);
     let mut entries = file.fault;
-    let faults = entries
-        .iter_mut()
-        .map(|entry| entry.draw(length_s, &mut dice));
-    Ok(Scenario {
-        faults: faults.collect::<Result<_, _>>()?,
-        entries,
-        disturbances,
-    })
+    let faults = entries.iter_mut().map(|entry| entry.draw(length_s, &mut dice));
+    Ok(Scenario { faults: faults.collect::<Result<_, _>>()?, entries, disturbances })
 }
 
 #[cfg(test)]
@@ -112,19 +106,13 @@ mod tests {
                     let share = given.unwrap().faults[0].fault.probability_mut().copied();
                     assert_eq!(share, Some(0.25), "{kind}");
                 }
-                None => assert_eq!(
-                    given.unwrap_err(),
-                    format!("fault {kind} has no probability")
-                ),
+                None => assert_eq!(given.unwrap_err(), format!("fault {kind} has no probability")),
             }
         }
         let stretched = "kind = \"long-stretch\"\nstretch_ms = 3\nprobability = 1";
         assert_eq!(
             fault(stretched).unwrap().faults[0].fault,
-            Fault::LongStretch {
-                stretch: Ticks::from_ms(3),
-                probability: 1.0
-            }
+            Fault::LongStretch { stretch: Ticks::from_ms(3), probability: 1.0 }
         );
         let held = fault("kind = \"sda-held\"\nclocks = 4").unwrap();
         assert_eq!(held.faults[0].fault, Fault::SdaHeld { clocks: 4 });
@@ -174,10 +162,7 @@ mod tests {
             ("[vibration]\nacc_m_s2 = 5\nfrequency_hz = 900", "Hz"),
             ("[servo_supply]\nvolts = 12", "3 to 7.4 V"),
             ("[thrust_ramp]\nfrom_pct = 40\nseconds = 0", "thrust ramp"),
-            (
-                "[temperature]\nfrom_c = 20\nto_c = 145\ntime_constant_s = 1",
-                "85 C",
-            ),
+            ("[temperature]\nfrom_c = 20\nto_c = 145\ntime_constant_s = 1", "85 C"),
             ("[wind]\nm_s = 3", "unknown field"),
         ] {
             let error = parsed(text).unwrap_err();

@@ -61,12 +61,7 @@ impl Measured {
                 "burst start to pulse edge",
                 Some(requirements::LATENCY_US),
             ),
-            spread(
-                "sample_age_us",
-                self.timing.sample_age_us,
-                "sample's age at its burst",
-                None,
-            ),
+            spread("sample_age_us", self.timing.sample_age_us, "sample's age at its burst", None),
             telemetry(self.link),
             rows("runs", self.runs.iter().map(|run| run.figures(servo))),
         ];
@@ -75,9 +70,7 @@ impl Measured {
         }
         for fault in &self.faults {
             let share = fault.probability.map(|p| format!(", share {p:.4}"));
-            let length = fault
-                .for_s
-                .map_or(String::new(), |for_s| format!(" for {for_s} s"));
+            let length = fault.for_s.map_or(String::new(), |for_s| format!(" for {for_s} s"));
             let since = match fault.since {
                 Since::Release => "",
                 Since::PowerOn => " after power-on",
@@ -165,11 +158,7 @@ impl Emulation {
                 seconds("wall_s", self.wall_s, "time that it took"),
                 factor("real_time_factor", self.simulated_s, "times real time")
                     .limit(requirements::REAL_TIME_FACTOR),
-                factor(
-                    "busy_real_time_factor",
-                    self.busy_s,
-                    "times real time, core awake",
-                ),
+                factor("busy_real_time_factor", self.busy_s, "times real time, core awake"),
             ],
         )
     }
@@ -181,11 +170,7 @@ mod tests {
     use rig::measure::Spread;
 
     fn spread(mean: f64, max: f64) -> Spread {
-        Spread {
-            mean,
-            max,
-            count: 300,
-        }
+        Spread { mean, max, count: 300 }
     }
 
     fn good() -> Measured {
@@ -198,21 +183,12 @@ mod tests {
             ..LoopTiming::default()
         };
         Measured {
-            image: Sizes {
-                flash: 50_000,
-                static_ram: 9_000,
-            },
+            image: Sizes { flash: 50_000, static_ram: 9_000 },
             stack_bytes: 900,
-            timing: LoopTiming {
-                cycles_per_step: spread(4e4, 5e4),
-                ..unhindered
-            },
+            timing: LoopTiming { cycles_per_step: spread(4e4, 5e4), ..unhindered },
             unhindered,
             cpu_load: 0.1,
-            link: LinkCounts {
-                messages: 900,
-                ..LinkCounts::default()
-            },
+            link: LinkCounts { messages: 900, ..LinkCounts::default() },
             runs: vec![Run {
                 start_rad: 0.2,
                 overshoot_pct: 1.0,
@@ -223,11 +199,7 @@ mod tests {
             }],
             faults: Vec::new(),
             disturbances: None,
-            emulation: Emulation {
-                simulated_s: 20.0,
-                busy_s: 2.0,
-                wall_s: 2.0,
-            },
+            emulation: Emulation { simulated_s: 20.0, busy_s: 2.0, wall_s: 2.0 },
             replay: None,
         }
     }

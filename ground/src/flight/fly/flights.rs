@@ -27,9 +27,7 @@ impl Flying<'_> {
     /// Flies every start at the chip's own wait state, and one more without for its cycles.
     pub(super) fn starts(&self, faults: Vec<FaultEntry>) -> Result<(Figures, String)> {
         let Self { image, options, .. } = self;
-        let starts = options
-            .start
-            .map_or(STARTS_RAD.to_vec(), |start| vec![start]);
+        let starts = options.start.map_or(STARTS_RAD.to_vec(), |start| vec![start]);
         let (servo, seed) = (options.servo, options.seed);
         let mut watch = Stopwatch::start();
         let mut boot = |what: String, setup: &Setup| -> Result<Ready> {
@@ -39,10 +37,7 @@ impl Flying<'_> {
             live.end();
             Ok(ready)
         };
-        let ready = boot(
-            format!("boot, servo {}, seed {seed}", servo.name()),
-            &self.setup(seed),
-        )?;
+        let ready = boot(format!("boot, servo {}, seed {seed}", servo.name()), &self.setup(seed))?;
         let mut without_wait_states = self.with_wait_states(0);
         without_wait_states.rig.bench.faults.clear();
         let unhindered = boot("cycles without wait states".into(), &without_wait_states)?;
@@ -73,14 +68,8 @@ impl Flying<'_> {
             emulation: watch.stop(),
             replay: None,
         };
-        let title = format!(
-            "Flight on the virtual rig: servo {}, seed {seed}",
-            servo.name()
-        );
-        let plots = records
-            .iter()
-            .map(report::flown)
-            .collect::<Result<Vec<_>>>()?;
+        let title = format!("Flight on the virtual rig: servo {}, seed {seed}", servo.name());
+        let plots = records.iter().map(report::flown).collect::<Result<Vec<_>>>()?;
         Ok(report::told(&title, measured.figures(servo), &plots))
     }
 }
@@ -115,19 +104,11 @@ pub fn pooled(records: &[FlightRecord]) -> LoopTiming {
         let count: usize = all().map(|spread| spread.count).sum();
         let sum: f64 = all().map(|spread| spread.mean * spread.count as f64).sum();
         let mean = if count > 0 { sum / count as f64 } else { 0.0 };
-        Spread {
-            mean,
-            max: all().map(|spread| spread.max).fold(0.0, f64::max),
-            count,
-        }
+        Spread { mean, max: all().map(|spread| spread.max).fold(0.0, f64::max), count }
     };
     LoopTiming {
-        rate_hz: timings()
-            .map(|timing| timing.rate_hz)
-            .fold(f64::INFINITY, f64::min),
-        jitter_us_max: timings()
-            .map(|timing| timing.jitter_us_max)
-            .fold(0.0, f64::max),
+        rate_hz: timings().map(|timing| timing.rate_hz).fold(f64::INFINITY, f64::min),
+        jitter_us_max: timings().map(|timing| timing.jitter_us_max).fold(0.0, f64::max),
         cycles_per_step: spread(|timing| timing.cycles_per_step),
         latency_us: spread(|timing| timing.latency_us),
         sample_age_us: spread(|timing| timing.sample_age_us),

@@ -18,9 +18,7 @@ impl Live {
     pub fn begin(what: String) -> Self {
         if !std::io::stderr().is_terminal() {
             eprintln!("{what}");
-            return Self {
-                bar: ProgressBar::hidden(),
-            };
+            return Self { bar: ProgressBar::hidden() };
         }
         let bar = ProgressBar::new_spinner().with_prefix(what);
         if let Ok(style) = ProgressStyle::with_template("{spinner} {prefix}  {msg}") {

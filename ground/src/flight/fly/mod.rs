@@ -32,11 +32,7 @@ pub use options::{Fly, start_angle};
 pub fn run(options: &Fly) -> Result<Verdict> {
     use VehicleKind::{Drone, Drone2, Rocket};
     // An unreadable recording is reported before minutes of building.
-    let recording = options
-        .recording
-        .as_deref()
-        .map(recording::open)
-        .transpose()?;
+    let recording = options.recording.as_deref().map(recording::open).transpose()?;
     let scenario = options.faults.as_deref();
     let scenario = scenario
         .map(|path| faults::read(path, options.seed, flights::FLIGHT_S))
@@ -49,11 +45,7 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     let image = options.image.image()?;
     setup.rig.bench.faults = scenario.faults;
     setup.rig.bench.disturbances = options.disturb.over(scenario.disturbances);
-    let flying = Flying {
-        image: &image,
-        setup: &setup,
-        options,
-    };
+    let flying = Flying { image: &image, setup: &setup, options };
     let [seeds, dispersed] = [options.seeds, options.dispersed].map(|n| n.map(NonZeroU32::get));
     let (figures, page) = match (options.vehicle, dispersed, seeds) {
         (Rocket, Some(count), _) => flying.dispersed_rockets(count)?,
@@ -70,10 +62,8 @@ pub fn run(options: &Fly) -> Result<Verdict> {
 }
 
 fn setup(options: &Fly) -> Result<Setup> {
-    let mut setup = Setup {
-        gains: options.gains,
-        ..Setup::with_polarity(options.servo, options.seed)
-    };
+    let mut setup =
+        Setup { gains: options.gains, ..Setup::with_polarity(options.servo, options.seed) };
     if let Some(path) = &options.params {
         let own = control_law::parameters(options.servo, None)?;
         let wanted = control_law::parameters(options.servo, Some(path))?;
@@ -161,11 +151,7 @@ struct Stopwatch {
 
 impl Stopwatch {
     fn start() -> Self {
-        Self {
-            begun: Instant::now(),
-            simulated_s: 0.0,
-            busy_s: 0.0,
-        }
+        Self { begun: Instant::now(), simulated_s: 0.0, busy_s: 0.0 }
     }
 
     fn add(&mut self, simulated_s: f64, busy_s: f64) {
@@ -183,10 +169,6 @@ impl Stopwatch {
     /// Ends the count.
     fn stop(&self) -> Emulation {
         let wall_s = self.begun.elapsed().as_secs_f64();
-        Emulation {
-            simulated_s: self.simulated_s,
-            busy_s: self.busy_s,
-            wall_s,
-        }
+        Emulation { simulated_s: self.simulated_s, busy_s: self.busy_s, wall_s }
     }
 }

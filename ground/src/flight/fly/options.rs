@@ -140,9 +140,7 @@ fn gains(text: &str) -> Result<Gains, String> {
         Some((kp, kd)) => {
             // The firmware's own parameter table has the ranges.
             let mut params = Params::default();
-            let set = params
-                .set("PID_KP", kp)
-                .and_then(|_| params.set("PID_KD", kd));
+            let set = params.set("PID_KP", kp).and_then(|_| params.set("PID_KD", kd));
             set.map_err(|error| error.to_string())?;
             Ok(Gains { kp, kd })
         }

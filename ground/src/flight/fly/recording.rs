@@ -53,10 +53,7 @@ impl Flying<'_> {
             unhindered: unhindered.timing,
             timing: record.timing,
             cpu_load: record.cpu_load,
-            link: LinkCounts {
-                lost: record.link.lost.max(record.unmatched as u64),
-                ..record.link
-            },
+            link: LinkCounts { lost: record.link.lost.max(record.unmatched as u64), ..record.link },
             runs: Vec::new(),
             faults: Vec::new(),
             disturbances: None,
@@ -64,11 +61,7 @@ impl Flying<'_> {
             replay: Some(score(&record, name)?),
         };
         let figures = measured.figures(self.options.servo);
-        Ok(report::told(
-            &format!("Replay of {name}"),
-            figures,
-            &[report::played(&record)?],
-        ))
+        Ok(report::told(&format!("Replay of {name}"), figures, &[report::played(&record)?]))
     }
 }
 

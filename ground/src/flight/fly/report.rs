@@ -39,17 +39,11 @@ pub fn told(title: &str, figures: Figures, plots: &[Markup]) -> (Figures, String
 pub fn flown(record: &FlightRecord) -> Result<Markup> {
     let motion = |of: fn(&Motion) -> f64| -> Vec<(f64, f64)> {
         let motion = record.motion.iter();
-        motion
-            .map(|m| (since(record, m.time), of(m).to_degrees()))
-            .collect()
+        motion.map(|m| (since(record, m.time), of(m).to_degrees())).collect()
     };
     let [start_rad, _] = record.start_rad;
     let band = settling_band_deg(start_rad);
-    let estimated = record
-        .received
-        .attitudes
-        .iter()
-        .filter(|a| a.at >= record.released);
+    let estimated = record.received.attitudes.iter().filter(|a| a.at >= record.released);
     let estimated = estimated.map(|a| (since(record, a.at), a.pitch_rad().to_degrees()));
     let pitch = [
         Line::new("true", 0, motion(|m| m.pitch_rad)),
@@ -74,14 +68,10 @@ pub fn flown(record: &FlightRecord) -> Result<Markup> {
 pub fn played(record: &ReplayRecord) -> Result<Markup> {
     let angle = |of: fn(&Attitude) -> f64| -> Vec<(f64, f64)> {
         let attitudes = record.received.attitudes.iter();
-        attitudes
-            .map(|a| (f64::from(a.time_ms) / 1e3, of(a).to_degrees()))
-            .collect()
+        attitudes.map(|a| (f64::from(a.time_ms) / 1e3, of(a).to_degrees())).collect()
     };
-    let lines = [
-        Line::new("pitch", 0, angle(Attitude::pitch_rad)),
-        Line::new("tilt", 2, angle(tilt_rad)),
-    ];
+    let lines =
+        [Line::new("pitch", 0, angle(Attitude::pitch_rad)), Line::new("tilt", 2, angle(tilt_rad))];
     let estimate = Plot::new("time since power-on, s", "angle, deg", lines.into());
     Ok(html! {
         h2 { "Estimated attitude" }

@@ -46,21 +46,14 @@ struct Case {
 impl Case {
     /// All that are flown.
     fn all() -> Vec<Self> {
-        let of = |airframe, law| Self {
-            airframe,
-            law,
-            accelerometer: false,
-        };
+        let of = |airframe, law| Self { airframe, law, accelerometer: false };
         let mut all = Vec::new();
         for airframe in Airframe::ALL {
             all.push(of(airframe, RocketLaw::Scheduled));
             all.push(of(airframe, RocketLaw::Constant(airframe.constant_gains())));
             all.push(of(airframe, RocketLaw::Cascade));
         }
-        all.push(Self {
-            accelerometer: true,
-            ..of(Airframe::Stable, RocketLaw::Scheduled)
-        });
+        all.push(Self { accelerometer: true, ..of(Airframe::Stable, RocketLaw::Scheduled) });
         all
     }
 
@@ -186,11 +179,7 @@ impl Flying<'_> {
             .seeded(count)
             .map(|(seed, _)| {
                 let (airframe, on_pad) = rocket::dispersed(seed);
-                let case = Case {
-                    airframe,
-                    law: RocketLaw::Scheduled,
-                    accelerometer: false,
-                };
+                let case = Case { airframe, law: RocketLaw::Scheduled, accelerometer: false };
                 Flight { seed, case, on_pad }
             })
             .collect();
@@ -216,13 +205,7 @@ impl Flying<'_> {
              inertia by 20 %, propellant by 3 %, the dry centre of mass by 0.3 m, the static margin \
              by 0.4 diameters, speed and bandwidth of the gimbal by 20 %; wind, gust, rail and \
              misalignment are anything up to the above. Every other airframe is unstable.";
-        Ok(told(
-            &title,
-            &[&conditions_in_words(), words],
-            figures,
-            "",
-            &[plot],
-        ))
+        Ok(told(&title, &[&conditions_in_words(), words], figures, "", &[plot]))
     }
 
     /// Flies all cases with each of `count` seeds; the figures and the page.
@@ -231,11 +214,7 @@ impl Flying<'_> {
         let flights = self.seeded(count).flat_map(|(seed, _)| {
             let flights = cases.iter().map(move |case| {
                 let on_pad = case.airframe.on_pad(seed);
-                Flight {
-                    seed,
-                    case: *case,
-                    on_pad,
-                }
+                Flight { seed, case: *case, on_pad }
             });
             flights.collect::<Vec<_>>()
         });
@@ -252,9 +231,7 @@ impl Flying<'_> {
             rows("cases", cases.iter().map(row)),
             data("runs", &runs),
         ]);
-        let plots = cases
-            .iter()
-            .map(|case| plot(&case.name(), &runs, |run| run.case == *case));
+        let plots = cases.iter().map(|case| plot(&case.name(), &runs, |run| run.case == *case));
         let plots = plots.collect::<Result<Vec<_>>>()?;
         let flights = runs.len();
         let title = format!("A rocket through its burn on the virtual rig: {flights} flights");
@@ -265,13 +242,7 @@ impl Flying<'_> {
              alone; in the last case the accelerometer corrects the attitude, as it does for a \
              drone that hangs."
         );
-        Ok(told(
-            &title,
-            &[&conditions_in_words(), &words],
-            figures,
-            "cases",
-            &plots,
-        ))
+        Ok(told(&title, &[&conditions_in_words(), &words], figures, "cases", &plots))
     }
 
     fn fly_rockets(&self, what: &str, flights: &[Flight]) -> Result<Vec<Run>> {
@@ -312,9 +283,7 @@ fn summary(case: Case, runs: &[&Run]) -> [Figure; 9] {
     let worst =
         |key, of, label, decimals| figure(key, over(of).worst).shown(label, "deg", decimals);
     let all = |key, is_one: fn(&Run) -> bool, label, limit| {
-        figure(key, runs.iter().all(|run| is_one(run)))
-            .shown(label, "", 0)
-            .limit(limit)
+        figure(key, runs.iter().all(|run| is_one(run))).shown(label, "", 0).limit(limit)
     };
     let held = |limit| case.is_held().then_some(limit);
     let in_control = held(requirements::IN_CONTROL);
@@ -323,28 +292,13 @@ fn summary(case: Case, runs: &[&Run]) -> [Figure; 9] {
         figure("error_rms_mean_deg", rms.mean).shown("error rms, mean", "deg", 2),
         worst("error_rms_deg", |run| Some(run.error_rms_deg), "worst", 2)
             .limit(held(requirements::ASCENT_ERROR_RMS_DEG)),
-        worst(
-            "error_max_deg",
-            |run| Some(run.error_max_deg),
-            "largest error",
-            1,
-        ),
-        worst(
-            "error_end_deg",
-            |run| Some(run.error_end_deg),
-            "at burnout",
-            2,
-        ),
+        worst("error_max_deg", |run| Some(run.error_max_deg), "largest error", 1),
+        worst("error_end_deg", |run| Some(run.error_end_deg), "at burnout", 2),
         figure("tilt_sd_deg", sd.mean.is_finite().then_some(sd.mean))
             .shown("tilt_sd", "deg", 1)
             .or("-"),
-        worst(
-            "gimbal_max_deg",
-            |run| Some(run.gimbal_max_deg),
-            "gimbal",
-            2,
-        )
-        .limit(held(requirements::GIMBAL_DEG)),
+        worst("gimbal_max_deg", |run| Some(run.gimbal_max_deg), "gimbal", 2)
+            .limit(held(requirements::GIMBAL_DEG)),
         all(
             "in_control",
             |run| run.stayed_active && run.pulses_within_limits,
@@ -391,15 +345,10 @@ impl Run {
         let told = record.received.tilt_sd_deg.iter();
         let told = told.rev().find(|(at, _)| !ended(*at));
         let sd_at_end = told.map(|(_, sd_deg)| *sd_deg);
-        let errors = path
-            .iter()
-            .filter(|(at_s, _)| (from_s..burn_s).contains(at_s));
+        let errors = path.iter().filter(|(at_s, _)| (from_s..burn_s).contains(at_s));
         let errors: Vec<f64> = errors.map(|(_, error)| *error).collect();
         let square: f64 = errors.iter().map(|error| error * error).sum();
-        let gimbal = record
-            .motion
-            .iter()
-            .flat_map(|m| [m.rudder_rad, m.roll.rudder_rad]);
+        let gimbal = record.motion.iter().flat_map(|m| [m.rudder_rad, m.roll.rudder_rad]);
         let believed = record.received.attitudes.iter().rev();
         let mut believed = believed.skip_while(|attitude| seconds(attitude.at) > burn_s);
         let pulses = || record.pulses.iter().chain(&record.roll_pulses);
@@ -420,9 +369,7 @@ impl Run {
             tilt_sd_deg: sd_at_end,
             launch_seen_s,
             end_seen_s: end_seen_s.map(|at_s| at_s - burn_s),
-            gimbal_max_deg: gimbal
-                .fold(0.0, |most: f64, angle| most.max(angle.abs()))
-                .to_degrees(),
+            gimbal_max_deg: gimbal.fold(0.0, |most: f64, angle| most.max(angle.abs())).to_degrees(),
             pulses_within_limits: pulses()
                 .all(|pulse| limit_us(pulse) <= shaft_us && pulse.is_as_asked(0.0)),
             neutral_after_burnout: pulses()

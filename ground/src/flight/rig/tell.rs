@@ -27,10 +27,8 @@ pub struct Tell {
 }
 
 fn help() -> String {
-    let actions: String = HELP
-        .iter()
-        .map(|(words, what)| format!("  {words}\n      {what}\n"))
-        .collect();
+    let actions: String =
+        HELP.iter().map(|(words, what)| format!("  {words}\n      {what}\n")).collect();
     format!(
         "Actions:\n{actions}\n\
 Examples:
@@ -67,11 +65,7 @@ pub fn run(options: &Tell) -> Result<Verdict> {
     line.parse::<Action>().map_err(BadInput::new)?;
     let path = super::control_path(&options.link);
     let mut stream = UnixStream::connect(&path).with_context(|| {
-        format!(
-            "no rig with --link {} runs here ({})",
-            options.link.display(),
-            path.display()
-        )
+        format!("no rig with --link {} runs here ({})", options.link.display(), path.display())
     })?;
     stream.set_read_timeout(Some(PATIENCE))?;
     writeln!(stream, "{line}")?;

@@ -31,9 +31,7 @@ pub fn run(options: &Cut, json: bool) -> Result<Verdict> {
     let log = Log::of(&bytes, &options.log)?;
     let (from_s, to_s) = range(options, &log)?;
     let is_inside = |time_us| (from_s..=to_s).contains(&log.time_s(time_us));
-    let frames: Vec<(u64, &[u8])> = Frames::of(&bytes)
-        .filter(|frame| is_inside(frame.0))
-        .collect();
+    let frames: Vec<(u64, &[u8])> = Frames::of(&bytes).filter(|frame| is_inside(frame.0)).collect();
     let Some((begin_us, _)) = frames.first() else {
         let length_s = log.length_s();
         return Err(BadInput::new(format!(
@@ -61,10 +59,7 @@ pub fn done(path: &Path, messages: usize, json: bool) -> Result<Verdict> {
     if json {
         print_json(&json!({ "messages": messages, "seconds": seconds }))?;
     }
-    eprintln!(
-        "wrote {}: {messages} messages, {seconds:.1} s",
-        path.display()
-    );
+    eprintln!("wrote {}: {messages} messages, {seconds:.1} s", path.display());
     Ok(Verdict::Met)
 }
 
@@ -72,9 +67,7 @@ pub fn done(path: &Path, messages: usize, json: bool) -> Result<Verdict> {
 fn range(options: &Cut, log: &Log) -> Result<(f64, f64)> {
     let Some(number) = options.release else {
         return match (options.from, options.to) {
-            (None, None) => Err(BadInput::new(
-                "no part is named: give --from, --to or --release",
-            )),
+            (None, None) => Err(BadInput::new("no part is named: give --from, --to or --release")),
             (Some(from_s), Some(to_s)) if from_s >= to_s => {
                 Err(BadInput::new("--from must be before --to"))
             }
@@ -101,9 +94,7 @@ pub fn known(bytes: &[u8], begin_us: u64, part: &[(u64, &[u8])]) -> Vec<Vec<u8>>
     let mut tool = None;
     let mut told: BTreeMap<(u8, String), MavMessage> = BTreeMap::new();
     let before = Frames::of(bytes).take_while(|(time_us, frame)| {
-        let is_first = part
-            .first()
-            .is_some_and(|first| std::ptr::eq(first.1, *frame));
+        let is_first = part.first().is_some_and(|first| std::ptr::eq(first.1, *frame));
         *time_us <= begin_us && !is_first
     });
     for (_, frame) in before {
@@ -125,10 +116,7 @@ pub fn known(bytes: &[u8], begin_us: u64, part: &[(u64, &[u8])]) -> Vec<Vec<u8>>
             told.insert(key, message);
         }
     }
-    let next = part
-        .iter()
-        .map(|part| part.1)
-        .find(|frame| log::is_from_vehicle(frame));
+    let next = part.iter().map(|part| part.1).find(|frame| log::is_from_vehicle(frame));
     let (system_id, next) =
         next.map_or((1, 0), |frame| (frame[log::SYSTEM_AT], frame[SEQUENCE_AT]));
     let first = next.wrapping_sub(told.len() as u8);
@@ -176,17 +164,10 @@ mod tests {
             assert_eq!(flight.steps().count(), 2);
             // Active from its beginning to its end.
             assert_eq!(releases(&part).len(), 1);
-            assert!(
-                cut(&path("a.tlog"), &path(name), Some(1.0), None).is_err(),
-                "kept"
-            );
+            assert!(cut(&path("a.tlog"), &path(name), Some(1.0), None).is_err(), "kept");
         }
         let release = cut(&path("a.tlog"), &path("r.tlog"), None, Some(1)).unwrap();
-        assert!(
-            (release.length_s() - 7.0).abs() < 1e-9,
-            "{}",
-            release.length_s()
-        );
+        assert!((release.length_s() - 7.0).abs() < 1e-9, "{}", release.length_s());
     }
 
     #[test]

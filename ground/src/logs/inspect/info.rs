@@ -34,11 +34,7 @@ pub fn run(path: &Path, json: bool) -> Result<Verdict> {
 pub fn figures(log: &Log) -> Figures {
     let count = |key, count: u64, label| figure(key, count).shown(label, "", 0);
     let is_parameter = |message: &MavMessage| matches!(message, MavMessage::PARAM_VALUE(_));
-    let parameters = log
-        .entries
-        .iter()
-        .filter(|e| is_parameter(&e.message))
-        .count();
+    let parameters = log.entries.iter().filter(|e| is_parameter(&e.message)).count();
     let counts = log.counts;
     Figures::from([
         Origin::of(&log.entries).figures(),
@@ -47,10 +43,7 @@ pub fn figures(log: &Log) -> Figures {
         count("damaged", counts.crc_errors, "frames damaged"),
         count("stray_bytes", counts.stray_bytes, "bytes that are no frame"),
         count("parameters", parameters as u64, "values of parameters"),
-        rows(
-            "releases",
-            releases(log).iter().enumerate().map(release_row),
-        ),
+        rows("releases", releases(log).iter().enumerate().map(release_row)),
         rows("messages", kinds(log)),
         gaps(log),
     ])
@@ -70,9 +63,7 @@ fn release_row((index, release): (usize, &Release)) -> [Figure; 4] {
 fn kinds(log: &Log) -> Vec<[Figure; 4]> {
     let mut kinds: BTreeMap<(bool, &str), u64> = BTreeMap::new();
     for entry in &log.entries {
-        *kinds
-            .entry((!entry.from_vehicle, entry.message.message_name()))
-            .or_default() += 1;
+        *kinds.entry((!entry.from_vehicle, entry.message.message_name())).or_default() += 1;
     }
     let length_s = log.length_s();
     let row = |((from_station, name), count): (&(bool, &str), &u64)| {
@@ -92,9 +83,7 @@ fn kinds(log: &Log) -> Vec<[Figure; 4]> {
 fn gaps(log: &Log) -> Figure {
     let entries = log.entries.iter();
     let gaps = entries.filter(|entry| entry.from_vehicle && entry.lost_before > 0);
-    let gaps: Vec<(f64, u64)> = gaps
-        .map(|e| (log.time_s(e.time_us), e.lost_before))
-        .collect();
+    let gaps: Vec<(f64, u64)> = gaps.map(|e| (log.time_s(e.time_us), e.lost_before)).collect();
     let words = some(gaps.iter().map(|gap| format!("{:.1} s", gap.0)));
     data("gaps", &gaps).said("gaps at", words)
 }
@@ -152,9 +141,7 @@ mod tests {
         assert_eq!(object["releases"][0]["ended_in"], "standby");
         assert_eq!(object["gaps"][0], serde_json::json!([seconds(&log, 7), 3]));
         let kinds = object["messages"].as_array().unwrap();
-        let servo = kinds
-            .iter()
-            .find(|row| row["message"] == "SERVO_OUTPUT_RAW");
+        let servo = kinds.iter().find(|row| row["message"] == "SERVO_OUTPUT_RAW");
         assert_eq!(servo.unwrap()["count"], 10);
         assert!(serde_json::json!(figures(&Log::default()))["length_s"] == 0.0);
     }

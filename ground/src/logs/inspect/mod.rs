@@ -122,11 +122,7 @@ pub struct Cut {
 
 /// Parses a time in a log, s.
 fn time(text: &str) -> Result<f64, String> {
-    number(
-        text,
-        0.0..=1e9,
-        "a time in a log is a number of seconds since its first message",
-    )
+    number(text, 0.0..=1e9, "a time in a log is a number of seconds since its first message")
 }
 
 /// Does what `options` ask for.
@@ -174,10 +170,7 @@ pub mod tests {
                 }),
             );
         }
-        Log {
-            entries,
-            ..Log::default()
-        }
+        Log { entries, ..Log::default() }
     }
 
     /// Time of an entry, s since the first one.
@@ -190,11 +183,7 @@ pub mod tests {
         let mut writer = Writer::create(path, TOOL).unwrap();
         for (index, entry) in log.entries.iter().enumerate() {
             let mut raw = MAVLinkV2MessageRaw::new();
-            let header = MavHeader {
-                system_id: 1,
-                component_id: 1,
-                sequence: index as u8,
-            };
+            let header = MavHeader { system_id: 1, component_id: 1, sequence: index as u8 };
             raw.serialize_message(header, &entry.message);
             writer.write_at(entry.time_us, raw.raw_bytes()).unwrap();
         }

@@ -59,10 +59,7 @@ fn mend_times(frames: &mut [(u64, &[u8])]) {
         return;
     };
     let is_good = |time: u64| time.abs_diff(middle) < JUMP_US;
-    let first = frames
-        .iter()
-        .map(|frame| frame.0)
-        .find(|time| is_good(*time));
+    let first = frames.iter().map(|frame| frame.0).find(|time| is_good(*time));
     let mut last = first.unwrap_or(middle);
     for (time, _) in frames {
         if is_good(*time) {

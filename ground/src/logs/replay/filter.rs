@@ -46,9 +46,7 @@ pub fn pitches(
         return Ok(times.zip(smoothed.into_iter().map(pitch)).collect());
     }
     let mut estimate = Estimate::new(&choice, &facts).map_err(BadInput::new)?;
-    let estimated = samples
-        .iter()
-        .map(|(dt_s, sample)| pitch(estimate.step(*dt_s, sample)));
+    let estimated = samples.iter().map(|(dt_s, sample)| pitch(estimate.step(*dt_s, sample)));
     Ok(times.zip(estimated).collect())
 }
 
@@ -62,9 +60,8 @@ fn samples(flight: &Flight, params: &Params) -> Vec<(f64, RecordedSample)> {
     let mut samples = Vec::new();
     for raw in flight.steps().filter_map(|step| step.sample) {
         let before = last.replace(raw.time.0);
-        let dt_us = before.map_or(params.control_period_us().into(), |before| {
-            raw.time.0.saturating_sub(before)
-        });
+        let dt_us = before
+            .map_or(params.control_period_us().into(), |before| raw.time.0.saturating_sub(before));
         let counts = mount.convert(&raw);
         // The registers repeat until the magnetometer has measured again.
         let fresh = last_field.replace(raw.mag) != Some(raw.mag);
@@ -72,10 +69,7 @@ fn samples(flight: &Flight, params: &Params) -> Vec<(f64, RecordedSample)> {
             time_s: raw.time.0 as f64 * 1e-6,
             gyr_rad_s: si(counts.gyr, scale.gyr_rad_s),
             acc_m_s2: si(counts.acc, scale.acc_m_s2),
-            mag_ut: counts
-                .mag
-                .filter(|_| fresh)
-                .map(|mag| si(mag, scale.mag_ut)),
+            mag_ut: counts.mag.filter(|_| fresh).map(|mag| si(mag, scale.mag_ut)),
             reference: None,
             movement: true,
         };

@@ -19,10 +19,7 @@ pub fn render(
 ) -> Result<String> {
     let begin = pairs.first().map_or(0.0, |pair| pair.logged.time_s());
     let line = |of: fn(&Pair) -> &Step, value: fn(&Step) -> f64| -> Vec<(f64, f64)> {
-        pairs
-            .iter()
-            .map(|pair| (pair.logged.time_s() - begin, value(of(pair))))
-            .collect()
+        pairs.iter().map(|pair| (pair.logged.time_s() - begin, value(of(pair)))).collect()
     };
     let both = |value: fn(&Step) -> f64| {
         vec![

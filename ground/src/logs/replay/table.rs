@@ -53,21 +53,13 @@ mod tests {
         };
         let sampled = Step {
             now_us: 6,
-            sample: Some(RawSample {
-                time: Micros(1),
-                acc: [0; 3],
-                gyr: [0; 3],
-                mag: [0; 3],
-            }),
+            sample: Some(RawSample { time: Micros(1), acc: [0; 3], gyr: [0; 3], mag: [0; 3] }),
             cranks_rad: [Some(0.25), None],
             ..missed
         };
         let pair = |logged: Step, pulse_us, exact| Pair {
             logged,
-            again: Step {
-                pulses_us: [pulse_us, 0],
-                ..logged
-            },
+            again: Step { pulses_us: [pulse_us, 0], ..logged },
             exact,
         };
         let pairs = [pair(missed, 1524, false), pair(sampled, 1600, true)];

@@ -25,10 +25,7 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        Self::with(&RigConfig {
-            stored: Some(RigConfig::polarity_set()),
-            ..RigConfig::default()
-        })
+        Self::with(&RigConfig { stored: Some(RigConfig::polarity_set()), ..RigConfig::default() })
     }
 
     fn with(config: &RigConfig) -> Self {
@@ -66,10 +63,8 @@ impl Bench {
         self.order(request::RELEASE);
         self.rig.release(0.2);
         self.run(300);
-        let faults = [
-            Fault::Spikes { probability: 0.004 },
-            Fault::CorruptWords { probability: 0.004 },
-        ];
+        let faults =
+            [Fault::Spikes { probability: 0.004 }, Fault::CorruptWords { probability: 0.004 }];
         faults.into_iter().for_each(|fault| self.rig.inject(fault));
         self.run(1_500);
         faults.into_iter().for_each(|fault| self.rig.clear(fault));
@@ -111,10 +106,7 @@ fn a_flight_with_missed_samples_and_a_failsafe_comes_out_bit_for_bit() {
 fn a_rocket_comes_out_bit_for_bit_from_launch_to_burnout() {
     let mut on_pad = Airframe::Stable.on_pad(3);
     on_pad.parameters.rocket.burn_s = 4.0;
-    let mut config = RigConfig {
-        stored: Some(RigConfig::polarity_set()),
-        ..RigConfig::default()
-    };
+    let mut config = RigConfig { stored: Some(RigConfig::polarity_set()), ..RigConfig::default() };
     config.bench.vehicle = VehicleConfig::Rocket(Box::new(on_pad));
     let parameters = rocket::parameters(Airframe::Stable, RocketLaw::Scheduled);
     for (name, value) in &parameters {
@@ -135,13 +127,7 @@ fn a_rocket_comes_out_bit_for_bit_from_launch_to_burnout() {
     let figures = compare(&pairs);
     assert!(figures.compared > 1_800, "{figures:?}");
     assert_eq!(figures.equal, figures.compared, "{figures:?}");
-    let steered = |pair: &&Pair| {
-        pair.logged
-            .cranks_rad
-            .iter()
-            .flatten()
-            .any(|rad| *rad != 0.0)
-    };
+    let steered = |pair: &&Pair| pair.logged.cranks_rad.iter().flatten().any(|rad| *rad != 0.0);
     let steered = pairs.iter().filter(steered).count();
     assert!((550..700).contains(&steered), "{steered}");
 }
@@ -154,10 +140,7 @@ fn without(log: &[u8], stretches: &[[f64; 2]]) -> Vec<u8> {
         let (frame, next) = rest.split_at(8 + 12 + usize::from(*length));
         let time_us = u64::from_be_bytes(frame[..8].try_into().unwrap());
         let time_s = time_us as f64 * 1e-6;
-        if !stretches
-            .iter()
-            .any(|[from, to]| (*from..*to).contains(&time_s))
-        {
+        if !stretches.iter().any(|[from, to]| (*from..*to).contains(&time_s)) {
             kept.extend_from_slice(frame);
         }
         rest = next;
@@ -180,11 +163,7 @@ fn behind_a_gap_steps_are_compared_again_within_a_second() {
     figures.lost = flight.lost();
     figures.gaps_s = gaps_s(&flight);
     assert_eq!(figures.equal, figures.compared, "{figures:?}");
-    let begins: Vec<_> = figures
-        .compared_s
-        .iter()
-        .map(|stretch| stretch[0])
-        .collect();
+    let begins: Vec<_> = figures.compared_s.iter().map(|stretch| stretch[0]).collect();
     assert_eq!((figures.gaps_s.len(), begins.len()), (3, 4), "{figures:?}");
     for (gap, begin) in figures.gaps_s.iter().zip(&begins[1..]) {
         assert!((0.0..1.1).contains(&(begin - gap)), "{figures:?}");

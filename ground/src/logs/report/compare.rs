@@ -55,13 +55,10 @@ pub fn run(logs: &[PathBuf], page: &Path, json: bool) -> Result<Verdict> {
 
 /// A sentence for each requirement that a log misses.
 fn missed(flights: &[(String, Flight)], figures: &[Figures]) -> Vec<String> {
-    let named = flights
-        .iter()
-        .zip(figures)
-        .flat_map(|((name, _), figures)| {
-            let missed = figures.missed().into_iter();
-            missed.map(move |sentence| format!("{name}: {sentence}"))
-        });
+    let named = flights.iter().zip(figures).flat_map(|((name, _), figures)| {
+        let missed = figures.missed().into_iter();
+        missed.map(move |sentence| format!("{name}: {sentence}"))
+    });
     named.collect()
 }
 
@@ -76,17 +73,9 @@ fn table(flights: &[(String, Flight)]) -> Figure {
                 figure("log", name.as_str()).shown("log", "", 0),
                 figure("release", index as u64 + 1).shown("release", "", 0),
             ];
-            Some(
-                head.into_iter()
-                    .chain(run.figures(servo))
-                    .collect::<Vec<_>>(),
-            )
+            Some(head.into_iter().chain(run.figures(servo)).collect::<Vec<_>>())
         };
-        releases
-            .iter()
-            .enumerate()
-            .filter_map(row)
-            .collect::<Vec<_>>()
+        releases.iter().enumerate().filter_map(row).collect::<Vec<_>>()
     });
     rows("releases", rows_of)
 }
@@ -105,9 +94,8 @@ fn overlaid(flights: &[(String, Flight)]) -> Result<maud::Markup> {
             (name.clone(), colour, release.trace(of))
         };
         let lines: Vec<_> = releases.iter().enumerate().map(line).collect();
-        let lines = lines
-            .iter()
-            .map(|(name, colour, trace)| Line::new(name, *colour, trace.clone()));
+        let lines =
+            lines.iter().map(|(name, colour, trace)| Line::new(name, *colour, trace.clone()));
         Plot::new("time since release, s", label, lines.collect()).svg()
     };
     Ok(html! {
@@ -130,22 +118,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         write(&flight(), &path("a.tlog"));
-        write(
-            &Log {
-                entries: flight().entries[..9].to_vec(),
-                ..Log::default()
-            },
-            &path("b.mcap"),
-        );
+        write(&Log { entries: flight().entries[..9].to_vec(), ..Log::default() }, &path("b.mcap"));
         let logs = [path("a.tlog"), path("b.mcap")];
         let verdict = run(&logs, &path("both.html"), false).unwrap();
         assert_eq!(verdict, Verdict::Missed);
         let text = std::fs::read_to_string(path("both.html")).unwrap();
         // The second has no release, and says so.
-        assert!(
-            text.contains("a.tlog") && text.contains("b.mcap: releases: none"),
-            "{text}"
-        );
+        assert!(text.contains("a.tlog") && text.contains("b.mcap: releases: none"), "{text}");
         assert_eq!(text.matches("<svg").count(), 2);
     }
 }

@@ -100,10 +100,7 @@ fn settling(flight: &Flight) -> Vec<(f64, f64)> {
 fn whole(flight: &Flight, servo: &ServoMap) -> Result<Markup> {
     let begin = flight.steps().next().map_or(0.0, Step::time_s);
     let line = |of: &dyn Fn(&Step) -> f64| -> Vec<(f64, f64)> {
-        flight
-            .steps()
-            .map(|step| (step.time_s() - begin, of(step)))
-            .collect()
+        flight.steps().map(|step| (step.time_s() - begin, of(step))).collect()
     };
     let commanded = line(&|step| servo.angle_rad(step.pulses_us[0]).to_degrees());
     let plot = Plot::new(
@@ -191,10 +188,7 @@ mod tests {
             })
         };
         let state = |code: StateCode| Event::State(code.number());
-        let flight = |events: Vec<Event>| Flight {
-            events,
-            ..Flight::default()
-        };
+        let flight = |events: Vec<Event>| Flight { events, ..Flight::default() };
         let whole = flight(vec![
             step(10),
             status(true),

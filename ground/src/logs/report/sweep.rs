@@ -67,9 +67,8 @@ impl Sweep {
     /// The response of an axis in a release in which its set point swings; none in another.
     pub fn of(release: &Release, axis: Axis) -> Option<Self> {
         let set_rad = release.set_rad(axis);
-        let changes: Vec<usize> = (1..set_rad.len())
-            .filter(|&i| set_rad[i] != set_rad[i - 1])
-            .collect();
+        let changes: Vec<usize> =
+            (1..set_rad.len()).filter(|&i| set_rad[i] != set_rad[i - 1]).collect();
         if changes.len() < LEAST_SETTINGS {
             return None;
         }
@@ -102,11 +101,7 @@ impl Sweep {
             let before = points.last().map_or(0.0, |point| point.phase_deg);
             phase_deg -= 360.0 * ((phase_deg - before) / 360.0).round();
             if gain.is_finite() {
-                points.push(Point {
-                    frequency_hz,
-                    gain_db: 20.0 * gain.log10(),
-                    phase_deg,
-                });
+                points.push(Point { frequency_hz, gain_db: 20.0 * gain.log10(), phase_deg });
             }
         }
         let crossing = points

@@ -11,10 +11,8 @@ use tvc_nano::bringup::{Pulse, What};
 use super::row::{Check, Row};
 use super::session::{Heard, REPEATED, Session};
 
-const CHIP: Check = Check {
-    name: "chip",
-    meaning: "another chip than the Nano 33 IoT's: check which board it is",
-};
+const CHIP: Check =
+    Check { name: "chip", meaning: "another chip than the Nano 33 IoT's: check which board it is" };
 const FUSES: Check = Check {
     name: "fuses",
     meaning: "a watchdog that is always on resets the board for ever, and a protected bootloader \
@@ -58,10 +56,8 @@ const FLASH: Check = Check {
     meaning: "flash that takes longer than the data sheet allows may be worn or starved of voltage, \
               and the watchdog counts meanwhile",
 };
-const STACK: Check = Check {
-    name: "stack",
-    meaning: "little is left of the stack: report it with this table",
-};
+const STACK: Check =
+    Check { name: "stack", meaning: "little is left of the stack: report it with this table" };
 
 /// Of [`CLOCK_STATUS`]: the DFLL runs right, and the voltage is below the brown-out detector's.
 const DFLL_READY: u32 = 1 << 4;
@@ -100,11 +96,8 @@ pub fn identity(session: &mut Session) -> Result<Vec<Row>> {
         format!("bootloader {protected}, watchdog {always}, user row {fuses:#010x}"),
         (protected, always) == (7, 0),
     );
-    let bootloader = BOOTLOADER.of(
-        "Arduino",
-        bootloader(session)?,
-        session.peek(ARDUINO_AT)? == ARDUINO,
-    );
+    let bootloader =
+        BOOTLOADER.of("Arduino", bootloader(session)?, session.peek(ARDUINO_AT)? == ARDUINO);
     Ok(vec![chip, fuses, bootloader])
 }
 
@@ -153,10 +146,7 @@ pub fn clocks(session: &mut Session) -> Result<Vec<Row>> {
     let locked = session.peek(CLOCK_STATUS)? & DFLL_READY != 0;
     let clock = CLOCK.of(
         "999.5 to 1000.5 frames of USB a second, DFLL ready",
-        format!(
-            "{rate:.2}, DFLL {}",
-            if locked { "ready" } else { "not ready" }
-        ),
+        format!("{rate:.2}, DFLL {}", if locked { "ready" } else { "not ready" }),
         locked && (rate - 1000.0).abs() <= 0.5,
     );
     // The first look has the register brought up to date.
@@ -208,17 +198,10 @@ pub fn levels(session: &mut Session) -> Result<Vec<Row>> {
         session.listen(Duration::from_millis(1))?;
     }
     let name = |bit: u32| {
-        if high >> bit & 1 == 1 {
-            "high at times"
-        } else {
-            "always low"
-        }
+        if high >> bit & 1 == 1 { "high at times" } else { "always low" }
     };
-    let lines = LINES.of(
-        "both high at times",
-        format!("SDA {}, SCL {}", name(0), name(1)),
-        high == 3,
-    );
+    let lines =
+        LINES.of("both high at times", format!("SDA {}, SCL {}", name(0), name(1)), high == 3);
     Ok(vec![supply, lines])
 }
 

@@ -9,14 +9,10 @@ use tvc_nano::bringup::words;
 use super::row::{Check, Row};
 use super::session::{REPEATED, Session};
 
-const USB: Check = Check {
-    name: "usb",
-    meaning: "frames are lost on their way: take another cable, port or hub",
-};
-const CRASH: Check = Check {
-    name: "crash record",
-    meaning: "a crash leaves no trace: report it with this table",
-};
+const USB: Check =
+    Check { name: "usb", meaning: "frames are lost on their way: take another cable, port or hub" };
+const CRASH: Check =
+    Check { name: "crash record", meaning: "a crash leaves no trace: report it with this table" };
 const WATCHDOG: Check = Check {
     name: "watchdog",
     meaning: "a program that hangs is not ended: do not fly. Press the reset button to go on",
@@ -99,9 +95,8 @@ fn conclude(
 fn acknowledge(session: &mut Session) -> Result<()> {
     if session.state() == Some(StateKind::Latched) {
         let _ = session.order(request::DISARM)?;
-        session.wait(Duration::from_secs(2), |session| {
-            session.state() != Some(StateKind::Latched)
-        })?;
+        session
+            .wait(Duration::from_secs(2), |session| session.state() != Some(StateKind::Latched))?;
     }
     Ok(())
 }

@@ -62,13 +62,8 @@ pub fn run(options: &Bringup) -> Result<Verdict> {
     let found = examine(Link::open(port)?, hands)?;
     let met = !found.iter().any(Row::is_missed);
     let missed = found.iter().filter(|row| row.is_missed());
-    let advice: Vec<String> = missed
-        .map(|row| format!("{}: {}", row.check, row.meaning))
-        .collect();
-    let figures = Figures::from([
-        rows("rows", found.iter().map(Row::figures)),
-        figure("met", met),
-    ]);
+    let advice: Vec<String> = missed.map(|row| format!("{}: {}", row.check, row.meaning)).collect();
+    let figures = Figures::from([rows("rows", found.iter().map(Row::figures)), figure("met", met)]);
     let page = options.report.as_deref().map(|path| {
         let body = html! {
             (verdict(met, if met { "Nothing differs." } else { "Something differs." }))
@@ -115,9 +110,7 @@ pub fn examine(link: Link, hands: bool) -> Result<Vec<Row>> {
     rows.push(board::stack(&mut session)?);
     at("USB");
     rows.push(faults::usb(&mut session)?);
-    progress
-        .suspend(|| sensor::scale(&mut session, hands))
-        .map(|row| rows.push(row))?;
+    progress.suspend(|| sensor::scale(&mut session, hands)).map(|row| rows.push(row))?;
     at("a failed self-check and a hang on purpose");
     rows.push(faults::crash(&mut session)?);
     rows.push(faults::watchdog(&mut session)?);

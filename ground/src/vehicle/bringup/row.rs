@@ -80,26 +80,14 @@ impl Check {
 
     /// Passes if `holds`; otherwise it differs.
     pub fn of(self, expected: impl Display, found: impl Display, holds: bool) -> Row {
-        let result = if holds {
-            Outcome::Pass
-        } else {
-            Outcome::Differ
-        };
+        let result = if holds { Outcome::Pass } else { Outcome::Differ };
         self.row(expected, found, result)
     }
 
     /// Passes if the value lies in `range`; otherwise it differs.
     pub fn within(self, value: f64, range: RangeInclusive<f64>, unit: &str) -> Row {
-        let decimals = if range.end() - range.start() < 10.0 {
-            2
-        } else {
-            0
-        };
-        let expected = format!(
-            "{:.decimals$} to {:.decimals$} {unit}",
-            range.start(),
-            range.end()
-        );
+        let decimals = if range.end() - range.start() < 10.0 { 2 } else { 0 };
+        let expected = format!("{:.decimals$} to {:.decimals$} {unit}", range.start(), range.end());
         let found = format!("{value:.decimals$} {unit}");
         self.of(expected, found, range.contains(&value))
     }

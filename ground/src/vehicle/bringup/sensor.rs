@@ -77,23 +77,14 @@ pub fn rows(session: &mut Session) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     let rate = session.parameter("SRV_RATE_HZ")?.unwrap_or(50.0);
     let stretch = session.parameter("I2C_STRETCH_US")?;
-    let Heard {
-        samples,
-        status,
-        bursts,
-        ..
-    } = &heard;
+    let Heard { samples, status, bursts, .. } = &heard;
     let state = session.link().client().state_name();
     if samples.len() < 100 {
         let reason = session.reason();
         rows.push(SENSOR.failed("150 samples a second", format!("{state}: {reason}")));
         rows.extend(OF_SAMPLES.map(|check| check.skipped("needs the sensor")));
     } else {
-        rows.push(SENSOR.of(
-            "samples",
-            format!("{} samples, {state}", samples.len()),
-            true,
-        ));
+        rows.push(SENSOR.of("samples", format!("{} samples, {state}", samples.len()), true));
         let summary = session.measure(What::Bus)?.unwrap_or_default();
         let (address, stop) = (summary >> 24, summary & 0xFF_FFFF);
         rows.push(ADDRESS.of("0x28", format!("{address:#04x}"), address == 0x28));
@@ -137,16 +128,12 @@ fn pairs(samples: &[RAW_IMU_DATA]) -> impl Iterator<Item = (&RAW_IMU_DATA, &RAW_
 
 fn ticks(samples: &[RAW_IMU_DATA], rate_hz: f64) -> Row {
     let apart = |(a, b): (&RAW_IMU_DATA, &RAW_IMU_DATA)| (b.time_usec - a.time_usec) as f64;
-    let (sum, count) = pairs(samples).fold((0.0, 0.0), |(sum, count), pair| {
-        (sum + apart(pair), count + 1.0)
-    });
+    let (sum, count) =
+        pairs(samples).fold((0.0, 0.0), |(sum, count), pair| (sum + apart(pair), count + 1.0));
     // Up to three ticks a frame, or one in several frames: a whole number of either.
     let (mean, frame) = (sum / f64::max(count, 1.0), 1e6 / rate_hz);
-    let ideal = if mean < frame {
-        frame / (frame / mean).round()
-    } else {
-        frame * (mean / frame).round()
-    };
+    let ideal =
+        if mean < frame { frame / (frame / mean).round() } else { frame * (mean / frame).round() };
     TICKS.of(
         format!("{ideal:.2} us +-0.05 %"),
         format!("{mean:.2} us"),
@@ -251,10 +238,7 @@ pub fn scale(session: &mut Session, hands: bool) -> Result<Row> {
     }
     let acc = |m: &RAW_IMU_DATA| [m.xacc, m.yacc, m.zacc].map(f64::from);
     let gyr = |m: &RAW_IMU_DATA| [m.xgyro, m.ygyro, m.zgyro].map(|axis| f64::from(axis) / 16.0);
-    let (from, to) = (
-        mean(&samples[..at_rest], acc),
-        mean(&samples[before_end..], acc),
-    );
+    let (from, to) = (mean(&samples[..at_rest], acc), mean(&samples[before_end..], acc));
     let bias = mean(&samples[..at_rest], gyr);
     let mut turned = [0.0; 3];
     for (a, b) in samples.iter().zip(samples.iter().skip(1)) {

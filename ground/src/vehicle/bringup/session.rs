@@ -41,11 +41,7 @@ impl Session {
     /// # Errors
     /// No heartbeat.
     pub fn begin(link: Link) -> Result<Self> {
-        let mut session = Self {
-            link,
-            heard: Heard::default(),
-            serial: 1,
-        };
+        let mut session = Self { link, heard: Heard::default(), serial: 1 };
         if !session.wait(CONNECT, |session| session.state().is_some())? {
             bail!(
                 "no heartbeat within {} s: is tvc-nano on the board (tvc flash)?",
@@ -68,9 +64,7 @@ impl Session {
     /// What the vehicle says of its state; what its heartbeat says, where the words were lost.
     pub fn reason(&mut self) -> String {
         match self.link.client().reason() {
-            "" => self
-                .state_code()
-                .map_or_else(String::new, |code| code.to_string()),
+            "" => self.state_code().map_or_else(String::new, |code| code.to_string()),
             words => words.to_owned(),
         }
     }
@@ -198,10 +192,7 @@ impl Session {
     fn examine(&mut self, what: What, number: u32) -> Result<Option<BoardValue>> {
         match self.order(request::bringup(what, number))? {
             Ok(()) => Ok(self.link.client().board_value(number)),
-            Err(Failure::Refused {
-                result: MavResult::MAV_RESULT_DENIED,
-                ..
-            }) => Ok(None),
+            Err(Failure::Refused { result: MavResult::MAV_RESULT_DENIED, .. }) => Ok(None),
             Err(failure) => Err(failure.into()),
         }
     }

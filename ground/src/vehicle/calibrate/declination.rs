@@ -56,15 +56,8 @@ mod tests {
 
     #[test]
     fn declination_of_copenhagen_as_the_model_has_it() {
-        let place = Place {
-            latitude_deg: 55.79,
-            longitude_deg: 12.52,
-        };
-        let day = |year| Day {
-            year,
-            month: 7,
-            day: 1,
-        };
+        let place = Place { latitude_deg: 55.79, longitude_deg: 12.52 };
+        let day = |year| Day { year, month: 7, day: 1 };
         let deg = declination_deg(place, Some(day(2026))).unwrap();
         assert!((4.3..6.0).contains(&deg), "{deg}");
         assert!(declination_deg(place, Some(day(1900))).is_err());

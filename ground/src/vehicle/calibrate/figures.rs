@@ -45,10 +45,7 @@ pub fn figures(
         let row =
             |(axis, row): (usize, _)| shown(["  soft iron undone, x", "  y", "  z"][axis], row);
         let soft_iron_rows = soft_iron.row_iter().map(|row| words(&row.transpose(), 3));
-        let (dip, off) = found
-            .dip
-            .map(|(dip, off)| (dip.to_degrees(), off.to_degrees()))
-            .unzip();
+        let (dip, off) = found.dip.map(|(dip, off)| (dip.to_degrees(), off.to_degrees())).unzip();
         let dip_figure = figure("dip_deg", dip);
         let mut figures = vec![
             vector("offset_ut", offset).said("hard iron, uT", words(&offset, 1)),
@@ -74,9 +71,7 @@ pub fn figures(
         ]);
         figures
     });
-    let mount = found
-        .mount
-        .map(|(roll, pitch)| [roll, pitch].map(f64::to_degrees));
+    let mount = found.mount.map(|(roll, pitch)| [roll, pitch].map(f64::to_degrees));
     let mount_deg = data("mount_deg", &mount);
     Figures::from([
         figure("samples", readings.samples.len()),
@@ -89,16 +84,11 @@ pub fn figures(
             }
             None => mount_deg,
         },
-        figure("declination_deg", declination_deg)
-            .shown("declination", "deg", 2)
-            .or(""),
+        figure("declination_deg", declination_deg).shown("declination", "deg", 2).or(""),
         data("gyr_by_acc", &found.by_gravity.as_ref().map(by_rows)),
         data("gyr_by_mag", &found.by_field.as_ref().map(by_rows)),
         named(parameters),
-        rows(
-            "refused",
-            found.refused.iter().map(|why| Value::from(&**why)),
-        ),
+        rows("refused", found.refused.iter().map(|why| Value::from(&**why))),
     ])
 }
 

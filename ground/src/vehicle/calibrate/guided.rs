@@ -93,10 +93,7 @@ pub fn calibrate(
     told?;
     let outcome = match refused {
         Some(why) => {
-            let found = Found {
-                refused: vec![why],
-                ..Found::default()
-            };
+            let found = Found { refused: vec![why], ..Found::default() };
             Outcome::of(&files.record, session.readings(), &found, None)?
         }
         None => {
@@ -137,12 +134,8 @@ fn finish(session: &mut Session, outcome: Outcome, files: &Files) -> Result<(Fig
 /// Leads through the steps that are wanted, to the first that is refused.
 fn lead(session: &mut Session, options: &Calibrate) -> Result<Refused> {
     type Step = fn(&mut Session, &Calibrate) -> Result<Refused>;
-    const STEPS: [(Sensor, Step); 4] = [
-        (Sensor::Gyr, lay_down),
-        (Sensor::Acc, pose),
-        (Sensor::Mag, turn),
-        (Sensor::Level, level),
-    ];
+    const STEPS: [(Sensor, Step); 4] =
+        [(Sensor::Gyr, lay_down), (Sensor::Acc, pose), (Sensor::Mag, turn), (Sensor::Level, level)];
     let wanted = options.wanted();
     for (_, step) in STEPS.iter().filter(|(sensor, _)| wanted.has(*sensor)) {
         if let Some(why) = step(session, options)? {
@@ -177,18 +170,13 @@ fn ask_declination(session: &mut Session) -> Result<Option<f64>> {
 
 /// The tombstone test: the sensor lies still for [`REST_S`].
 fn lay_down(session: &mut Session, _: &Calibrate) -> Result<Refused> {
-    session.ask(
-        Prompt::Rest,
-        "1/4  Lay the sensor down and leave it alone, the table too.",
-    )?;
+    session.ask(Prompt::Rest, "1/4  Lay the sensor down and leave it alone, the table too.")?;
     let (begun_s, mut start) = (session.now_s(), session.samples().len());
     let mut why = None;
     loop {
         session.look()?;
         let now_s = session.now_s();
-        let recent = session
-            .samples()
-            .partition_point(|m| m.time_s < now_s - NOW_S);
+        let recent = session.samples().partition_point(|m| m.time_s < now_s - NOW_S);
         if !stillness::is_still(&session.samples()[recent..]) {
             start = session.samples().len();
             session.progress(0.0, "it moves");
@@ -211,14 +199,14 @@ fn lay_down(session: &mut Session, _: &Calibrate) -> Result<Refused> {
             session.progress(still_s / REST_S, &format!("{still_s:.0} of {REST_S:.0} s"));
         }
         if now_s - begun_s > PATIENCE_S {
-            let end = session
-                .samples()
-                .partition_point(|m| m.time_s < now_s - REST_S);
+            let end = session.samples().partition_point(|m| m.time_s < now_s - REST_S);
             let moved = why.or(rest::bias(&session.samples()[end..]).err());
-            return Ok(Some(moved.map_or_else(
-                || "it never lay still for 10 s".into(),
-                |moved| moved.to_string(),
-            )));
+            return Ok(Some(
+                moved.map_or_else(
+                    || "it never lay still for 10 s".into(),
+                    |moved| moved.to_string(),
+                ),
+            ));
         }
     }
 }
@@ -275,16 +263,12 @@ fn turn(session: &mut Session, _: &Calibrate) -> Result<Refused> {
         let fields = session.readings().fields();
         let elapsed_s = session.now_s() - begun_s;
         let fitted = ellipsoid::fit(&fields);
-        let coverage = fitted
-            .as_ref()
-            .map_or_else(|_| about_middle(&fields), |fitted| fitted.coverage);
+        let coverage =
+            fitted.as_ref().map_or_else(|_| about_middle(&fields), |fitted| fitted.coverage);
         let share = coverage.share();
         let enough = share >= GOOD_COVERAGE || elapsed_s > LONG_S && share >= LEAST_COVERAGE;
         if fitted.is_ok() && enough && fields.len() - begun >= FIELDS {
-            let words = format!(
-                "magnetometer: {:.0} % of all directions seen",
-                share * 100.0
-            );
+            let words = format!("magnetometer: {:.0} % of all directions seen", share * 100.0);
             session.person.tell(&words, Some(&coverage));
             return Ok(None);
         }
@@ -314,10 +298,7 @@ fn about_middle(fields: &[Vector3<f64>]) -> Coverage {
 
 /// The mount, with the body level.
 fn level(session: &mut Session, _: &Calibrate) -> Result<Refused> {
-    session.ask(
-        Prompt::Level,
-        "4/4  Mount the sensor, stand the body level, and leave it.",
-    )?;
+    session.ask(Prompt::Level, "4/4  Mount the sensor, stand the body level, and leave it.")?;
     if session.is_attended() {
         let question = Question {
             words: "Is it mounted, and does the body stand level?",
@@ -339,9 +320,7 @@ fn level(session: &mut Session, _: &Calibrate) -> Result<Refused> {
         }
         session.progress((now_s - begun_s) / 5.0, "hold it level");
         if now_s - begun_s > PATIENCE_S {
-            return Ok(Some(
-                "the body did not rest when it was to stand level".into(),
-            ));
+            return Ok(Some("the body did not rest when it was to stand level".into()));
         }
     }
 }

@@ -204,11 +204,7 @@ impl Calibrate {
 
     /// What the fits are asked for.
     pub fn wanted(&self) -> Wanted {
-        Wanted {
-            only: self.only.clone(),
-            gravity: self.gravity,
-            level_s: self.level,
-        }
+        Wanted { only: self.only.clone(), gravity: self.gravity, level_s: self.level }
     }
 }
 
@@ -245,10 +241,7 @@ fn gravity(text: &str) -> Result<f64, String> {
 pub fn place(text: &str) -> Result<Place, String> {
     const WHAT: &str = "a place is latitude and longitude in degrees, such as 55.79,12.52";
     let (latitude, longitude) = numbers(text, [-90.0..=90.0, -180.0..=180.0], WHAT)?;
-    Ok(Place {
-        latitude_deg: latitude as f32,
-        longitude_deg: longitude as f32,
-    })
+    Ok(Place { latitude_deg: latitude as f32, longitude_deg: longitude as f32 })
 }
 
 fn day(text: &str) -> Result<Day, String> {

@@ -40,12 +40,7 @@ impl Outcome {
         let rows = parameters(found, declination_deg)?;
         let figures = figures(readings, found, declination_deg, &rows);
         let page = report::page(log, readings, found, &figures)?;
-        Ok(Self {
-            rows,
-            figures,
-            refused: found.refused.clone(),
-            page,
-        })
+        Ok(Self { rows, figures, refused: found.refused.clone(), page })
     }
 
     /// Writes the page and, unless something was refused, the parameters; says where they are and

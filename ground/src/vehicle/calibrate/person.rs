@@ -65,26 +65,16 @@ pub struct Ending {
 impl Ending {
     /// The person did not agree: the vehicle is as it was.
     pub fn unchanged(words: impl Into<String>) -> Self {
-        Self {
-            met: false,
-            refused: false,
-            words: words.into(),
-        }
+        Self { met: false, refused: false, words: words.into() }
     }
 
     /// The step was refused: the vehicle is as it was.
     pub fn refused(words: impl Into<String>) -> Self {
-        Self {
-            refused: true,
-            ..Self::unchanged(words)
-        }
+        Self { refused: true, ..Self::unchanged(words) }
     }
 
     /// The vehicle has what the step is for.
     pub fn met(words: impl Into<String>) -> Self {
-        Self {
-            met: true,
-            ..Self::unchanged(words)
-        }
+        Self { met: true, ..Self::unchanged(words) }
     }
 }

@@ -141,10 +141,7 @@ pub fn check(session: &mut Session) -> Result<(Figures, Ending)> {
         return Ok((figures(&looked, &refused), Ending::refused(why)));
     }
     session.go_on()?;
-    let rows = looks().map(|at| Parameter {
-        name: at.polarity.to_owned(),
-        value: CHECKED,
-    });
+    let rows = looks().map(|at| Parameter { name: at.polarity.to_owned(), value: CHECKED });
     write(&mut session.vehicle, &rows.collect::<Vec<_>>())?;
     let ending = Ending::met("checked: the vehicle may be armed");
     Ok((figures(&looked, &refused), ending))
@@ -155,17 +152,11 @@ fn figures(looked: &[Looked], refused: &Option<String>) -> Figures {
         let [up, down] = looked.tilted_us;
         let pulses = at.pulses.into_iter().zip([looked.upright_us, up, down]);
         let pulses = pulses.map(|((key, label), us)| figure(key, us).shown(label, "us", 0));
-        [figure("direction", f64::from(looked.direction))]
-            .into_iter()
-            .chain(pulses)
-            .collect()
+        [figure("direction", f64::from(looked.direction))].into_iter().chain(pulses).collect()
     });
     let checked = figure("checked", refused.is_none());
     let pitch: Vec<_> = axes.next().unwrap_or_default();
-    let rest = [
-        figure("roll", axes.next()),
-        figure("refused", refused.clone()),
-    ];
+    let rest = [figure("roll", axes.next()), figure("refused", refused.clone())];
     Figures::from([checked].into_iter().chain(pitch).chain(rest))
 }
 
@@ -176,12 +167,7 @@ fn look(session: &mut Session, at: &Look) -> Result<Looked> {
     let us_per_deg = f64::from(session.vehicle.parameter("SRV_US_PER_DEG")?);
     let pulse_us = |seen: Seen| seen.pulses_us[at.axis.index()];
     let upright_us = pulse_us(tilt(session, Tilt::Upright, at.upright, at.axis)?);
-    let mut looked = Looked {
-        direction,
-        upright_us,
-        tilted_us: [0; 2],
-        refused: None,
-    };
+    let mut looked = Looked { direction, upright_us, tilted_us: [0; 2], refused: None };
     for (side, (way, words, question)) in at.tilts.into_iter().enumerate() {
         let tilted_us = pulse_us(tilt(session, way, words, at.axis)?);
         looked.tilted_us[side] = tilted_us;
@@ -290,24 +276,14 @@ mod tests {
                 assert!(params.value(at.direction).is_some());
             }
         }
-        assert!(
-            Refusal::Polarity
-                .to_string()
-                .contains("tvc calibrate polarity")
-        );
+        assert!(Refusal::Polarity.to_string().contains("tvc calibrate polarity"));
     }
 
     #[test]
     fn a_tilt_the_other_way_is_said_to_be_one() {
-        let seen = Seen {
-            pitch_rad: -0.35,
-            ..Seen::default()
-        };
+        let seen = Seen { pitch_rad: -0.35, ..Seen::default() };
         let why = astray(Tilt::NoseUp, seen);
-        assert!(
-            why.contains("pitch -20 deg") && why.contains("mount"),
-            "{why}"
-        );
+        assert!(why.contains("pitch -20 deg") && why.contains("mount"), "{why}");
         assert!(!astray(Tilt::NoseUp, Seen::default()).contains("mount"));
     }
 }

@@ -62,9 +62,7 @@ pub fn page(log: &Path, readings: &Readings, found: &Found, figures: &Figures) -
             let times = readings.fresh.iter().map(|i| times[*i]);
             times.zip(fields.iter().map(|m| m.norm())).collect()
         };
-        let coverage = found
-            .ellipsoid
-            .map_or_else(|| fields.iter().collect(), |e| e.coverage);
+        let coverage = found.ellipsoid.map_or_else(|| fields.iter().collect(), |e| e.coverage);
         let after = found.ellipsoid.map(|_| corrected.as_slice());
         body = html! { (body)
             h2 { "Magnetometer" }

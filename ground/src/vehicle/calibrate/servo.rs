@@ -58,9 +58,7 @@ pub fn set_up(session: &mut Session, given: &Servo) -> Result<(Figures, Ending)>
     session.vehicle.begin(session.stop);
     let found = find(session, given);
     let rows = session.vehicle.leave(found)?;
-    let found = rows
-        .iter()
-        .map(|row| shown(&row.name, row.value.to_string()));
+    let found = rows.iter().map(|row| shown(&row.name, row.value.to_string()));
     session.person.show(&Figures::from(found))?;
     let changed = session.write_if_agreed(&rows)?;
     let ending = match changed {
@@ -122,12 +120,7 @@ fn find(session: &mut Session, given: &Servo) -> Result<Vec<Parameter>> {
         Ok(direction(session, axis, centre)?.unwrap_or(has))
     })?;
     let min = value(min_name, given.min, &|session, has| {
-        nudge(
-            session,
-            axis,
-            "Shortest pulse at which nothing touches",
-            has,
-        )
+        nudge(session, axis, "Shortest pulse at which nothing touches", has)
     })?;
     let max = value(max_name, given.max, &|session, has| {
         nudge(session, axis, "Longest pulse at which nothing touches", has)
@@ -293,15 +286,9 @@ mod tests {
         };
         assert!(check(&given(Some(1500.0), Some(-1.0))).is_ok());
         let why = check(&given(Some(1700.0), None)).unwrap_err().to_string();
-        assert!(
-            why.starts_with("--centre 1700: SRV_CENTRE_US must be"),
-            "{why}"
-        );
+        assert!(why.starts_with("--centre 1700: SRV_CENTRE_US must be"), "{why}");
         assert!(check(&given(None, Some(0.5))).is_err());
-        let second = Servo {
-            second: true,
-            ..given(Some(1700.0), None)
-        };
+        let second = Servo { second: true, ..given(Some(1700.0), None) };
         let why = check(&second).unwrap_err().to_string();
         assert!(why.contains("SRV2_CENTRE_US must be"), "{why}");
     }

@@ -142,10 +142,7 @@ impl Session {
         while self.vehicle.state() != Some(StateKind::Standby) {
             self.pump()?;
             if self.vehicle.now() > end {
-                bail!(
-                    "the vehicle does not come to standby: {}",
-                    self.vehicle.reason()
-                );
+                bail!("the vehicle does not come to standby: {}", self.vehicle.reason());
             }
         }
         Ok(())

@@ -28,11 +28,7 @@ impl Terminal {
         if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {msg}") {
             bar.set_style(style.progress_chars("=> "));
         }
-        Self {
-            bar,
-            keyboard: None,
-            json,
-        }
+        Self { bar, keyboard: None, json }
     }
 }
 
@@ -54,8 +50,7 @@ impl Person for Terminal {
         if self.bar.is_finished() {
             self.bar.reset();
         }
-        self.bar
-            .set_position((share.clamp(0.0, 1.0) * 1000.0) as u64);
+        self.bar.set_position((share.clamp(0.0, 1.0) * 1000.0) as u64);
         self.bar.set_message(with_picture(words, seen));
     }
 
@@ -92,7 +87,5 @@ impl Person for Terminal {
 }
 
 fn with_picture(words: &str, seen: Option<&Coverage>) -> String {
-    seen.map_or(words.to_owned(), |seen| {
-        format!("{words}\n{}", picture(seen))
-    })
+    seen.map_or(words.to_owned(), |seen| format!("{words}\n{}", picture(seen)))
 }

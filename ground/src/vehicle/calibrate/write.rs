@@ -83,10 +83,7 @@ pub mod tests {
 
     /// Parameters with these values.
     pub fn rows(values: [(&str, f32); 3]) -> Vec<Parameter> {
-        let row = |(name, value): (&str, f32)| Parameter {
-            name: name.to_owned(),
-            value,
-        };
+        let row = |(name, value): (&str, f32)| Parameter { name: name.to_owned(), value };
         values.map(row).into()
     }
 
@@ -155,13 +152,8 @@ pub mod tests {
         let before = rows([("SRV_CENTRE_US", 1520.0), ("SRV_DIR", 1.0), (POLARITY, 1.0)]);
         let (mut vehicle, thread) = vehicle(before.clone(), POLARITY);
         let wanted = &before[..2];
-        let wanted: Vec<_> = wanted
-            .iter()
-            .map(|row| Parameter {
-                value: -row.value,
-                ..row.clone()
-            })
-            .collect();
+        let wanted: Vec<_> =
+            wanted.iter().map(|row| Parameter { value: -row.value, ..row.clone() }).collect();
         let refused = write(&mut vehicle, &wanted).unwrap_err().to_string();
         assert!(refused.contains("save the parameters"), "{refused}");
         drop(vehicle);

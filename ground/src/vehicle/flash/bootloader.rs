@@ -31,10 +31,7 @@ pub(super) fn enter(nano: &Nano) -> Result<String> {
     }
     let before = port::available()?;
     touch(&nano.port)?;
-    eprintln!(
-        "asked {} for its bootloader (refused while the firmware is armed)",
-        nano.port
-    );
+    eprintln!("asked {} for its bootloader (refused while the firmware is armed)", nano.port);
     let start = Instant::now();
     while start.elapsed() < PATIENCE {
         sleep(STEP);
@@ -137,11 +134,7 @@ mod tests {
             let (mut tries, mut waited) = (0, 0);
             let open = || {
                 tries += 1;
-                if tries < opens_at {
-                    Err(denied())
-                } else {
-                    Ok(())
-                }
+                if tries < opens_at { Err(denied()) } else { Ok(()) }
             };
             assert!(retry(open, || waited += 1).is_ok());
             assert_eq!(waited, pauses);

@@ -28,12 +28,7 @@ pub struct Gate {
 impl Gate {
     /// A gate that has refused nothing.
     pub fn new(admission: Admission, shown: IpAddr, signing: Option<Signing>) -> Self {
-        Self {
-            admission,
-            shown,
-            signing,
-            refused: 0,
-        }
+        Self { admission, shown, signing, refused: 0 }
     }
 
     /// A frame for the station, signed if there is a key.
@@ -81,10 +76,7 @@ impl Gate {
                 true => "it is not signed with this key, or was sent before".to_owned(),
                 false => remedy(from),
             };
-            eprintln!(
-                "refused {} from {from}: {why}",
-                frame.message.message_name()
-            );
+            eprintln!("refused {} from {from}: {why}", frame.message.message_name());
         }
     }
 
@@ -99,10 +91,7 @@ impl Gate {
 /// Whether a message asks for something and changes nothing.
 fn is_question(message: &MavMessage) -> bool {
     let asks = |command: MavCmd| {
-        matches!(
-            command,
-            MavCmd::MAV_CMD_REQUEST_MESSAGE | MavCmd::MAV_CMD_RUN_PREARM_CHECKS
-        )
+        matches!(command, MavCmd::MAV_CMD_REQUEST_MESSAGE | MavCmd::MAV_CMD_RUN_PREARM_CHECKS)
     };
     match message {
         MavMessage::PARAM_REQUEST_READ(_)

@@ -60,10 +60,9 @@ pub fn next(found: &Found) -> (Standing, String) {
     match (&found.vehicle, &found.problem) {
         (Some(told), _) => match of_vehicle(told) {
             Some(words) => (Standing::ToDo, words),
-            None => (
-                Standing::Well,
-                "`tvc test step` on the tether (docs/guides/tether.md)".into(),
-            ),
+            None => {
+                (Standing::Well, "`tvc test step` on the tether (docs/guides/tether.md)".into())
+            }
         },
         (None, problem) => (Standing::Unreachable, problem.clone().unwrap_or_default()),
     }
@@ -73,9 +72,7 @@ fn of_vehicle(told: &Told) -> Option<String> {
     let state = &told.state;
     match told.code.map(|code| code.kind()) {
         Some(StateKind::Armed | StateKind::Active) => {
-            return Some(format!(
-                "it is {state}: `tvc disarm` puts the rudder to neutral"
-            ));
+            return Some(format!("it is {state}: `tvc disarm` puts the rudder to neutral"));
         }
         Some(StateKind::Latched | StateKind::Failsafe) => {
             return Some(format!(
@@ -83,26 +80,18 @@ fn of_vehicle(told: &Told) -> Option<String> {
             ));
         }
         Some(StateKind::Boot) => {
-            return Some(format!(
-                "{state}: see docs/guides/troubleshooting.md if it stays so"
-            ));
+            return Some(format!("{state}: see docs/guides/troubleshooting.md if it stays so"));
         }
         _ => {}
     }
     if told.runs_image == Some(false) {
         return Some("`tvc flash`: the vehicle runs another build than the image here".into());
     }
-    let sensors: Vec<&str> = told
-        .uncalibrated
-        .iter()
-        .copied()
-        .filter(|name| *name != SERVO)
-        .collect();
+    let sensors: Vec<&str> =
+        told.uncalibrated.iter().copied().filter(|name| *name != SERVO).collect();
     if !sensors.is_empty() {
         let sensors = sensors.join(", ");
-        return Some(format!(
-            "`tvc calibrate`: still as out of the box are {sensors}"
-        ));
+        return Some(format!("`tvc calibrate`: still as out of the box are {sensors}"));
     }
     if told.uncalibrated.contains(&SERVO) {
         return Some("`tvc calibrate servo`: the servo is as out of the box".into());
@@ -110,9 +99,7 @@ fn of_vehicle(told: &Told) -> Option<String> {
     if !told.polarity_checked {
         return Some("`tvc calibrate polarity`: nobody has seen the rudder answer a tilt".into());
     }
-    told.refusal
-        .as_ref()
-        .map(|refusal| format!("arming would be refused: {refusal}"))
+    told.refusal.as_ref().map(|refusal| format!("arming would be refused: {refusal}"))
 }
 
 #[cfg(test)]
@@ -132,58 +119,29 @@ mod tests {
     }
 
     fn advice(told: Told) -> (Standing, String) {
-        next(&Found {
-            vehicle: Some(told),
-            ..Found::default()
-        })
+        next(&Found { vehicle: Some(told), ..Found::default() })
     }
 
     #[test]
     fn the_first_obstacle_is_named_first() {
         let standby = || told(StateCode::Standby);
         assert_eq!(advice(standby()).0, Standing::Well);
-        let blank = Told {
-            uncalibrated: vec!["mount", "servo"],
-            polarity_checked: false,
-            ..standby()
-        };
+        let blank =
+            Told { uncalibrated: vec!["mount", "servo"], polarity_checked: false, ..standby() };
         let cases = [
             (told(StateCode::Active), "tvc disarm"),
+            (told(StateCode::Failsafe(ReasonKind::Tilt)), "troubleshooting"),
             (
-                told(StateCode::Failsafe(ReasonKind::Tilt)),
-                "troubleshooting",
-            ),
-            (
-                Told {
-                    runs_image: Some(false),
-                    uncalibrated: vec!["mount"],
-                    ..standby()
-                },
+                Told { runs_image: Some(false), uncalibrated: vec!["mount"], ..standby() },
                 "`tvc flash`",
             ),
             (blank, "out of the box are mount"),
             (
-                Told {
-                    uncalibrated: vec!["servo"],
-                    polarity_checked: false,
-                    ..standby()
-                },
+                Told { uncalibrated: vec!["servo"], polarity_checked: false, ..standby() },
                 "`tvc calibrate servo`",
             ),
-            (
-                Told {
-                    polarity_checked: false,
-                    ..standby()
-                },
-                "polarity",
-            ),
-            (
-                Told {
-                    refusal: Some("tilt beyond 50 deg".into()),
-                    ..standby()
-                },
-                "tilt beyond",
-            ),
+            (Told { polarity_checked: false, ..standby() }, "polarity"),
+            (Told { refusal: Some("tilt beyond 50 deg".into()), ..standby() }, "tilt beyond"),
         ];
         for (told, part) in cases {
             let (standing, words) = advice(told);
@@ -202,15 +160,10 @@ mod tests {
             access: None,
             held_by,
         };
-        let holder = Program {
-            id: 7,
-            name: "mavproxy.py".into(),
-        };
+        let holder = Program { id: 7, name: "mavproxy.py".into() };
         assert!(obstacle(&port(false, Some(Vec::new()))).is_none());
         assert!(obstacle(&port(false, None)).is_none());
-        let said = obstacle(&port(false, Some(vec![holder])))
-            .unwrap()
-            .to_string();
+        let said = obstacle(&port(false, Some(vec![holder]))).unwrap().to_string();
         assert!(said.contains("mavproxy.py (process 7)"), "{said}");
         let said = obstacle(&port(true, None)).unwrap().to_string();
         assert!(said.contains("tvc flash"), "{said}");

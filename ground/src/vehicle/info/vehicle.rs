@@ -86,13 +86,7 @@ pub fn ask_it(vehicle: &mut Vehicle, image: Option<&str>) -> Result<Told> {
     let parameters = vehicle.parameters()?;
     let may_arm = may_arm(vehicle)?;
     let code = vehicle.link().client().state_code();
-    let heard = Heard {
-        build,
-        code,
-        status,
-        parameters,
-        may_arm,
-    };
+    let heard = Heard { build, code, status, parameters, may_arm };
     Ok(heard.told(image))
 }
 
@@ -186,11 +180,7 @@ impl Told {
             [] => "nothing".to_owned(),
             names => names.join(", "),
         };
-        let polarity = if self.polarity_checked {
-            "seen"
-        } else {
-            "not seen yet"
-        };
+        let polarity = if self.polarity_checked { "seen" } else { "not seen yet" };
         let arming = match (&self.refusal, self.ready) {
             (Some(refusal), _) => format!("refused: {refusal}"),
             (None, Some(_)) => "would be obeyed".into(),
@@ -217,10 +207,8 @@ mod tests {
     #[test]
     fn what_has_its_defaults_is_named() {
         let rows = |pairs: &[(&str, f32)]| -> Vec<Parameter> {
-            let row = |(name, value): &(&str, f32)| Parameter {
-                name: (*name).into(),
-                value: *value,
-            };
+            let row =
+                |(name, value): &(&str, f32)| Parameter { name: (*name).into(), value: *value };
             pairs.iter().map(row).collect()
         };
         let told = |pairs, image| {
@@ -228,22 +216,14 @@ mod tests {
                 flight_custom_version: *b"0a1b2c3d",
                 ..AUTOPILOT_VERSION_DATA::default()
             };
-            let heard = Heard {
-                build: Some(build),
-                parameters: rows(pairs),
-                ..Heard::default()
-            };
+            let heard = Heard { build: Some(build), parameters: rows(pairs), ..Heard::default() };
             heard.told(image)
         };
         let blank = told(&[("SRV_POLARITY", 0.0), ("CAL_ACC_SX", 1.0)], None);
         assert_eq!(blank.uncalibrated.len(), CALIBRATED.len());
         assert!(!blank.polarity_checked && blank.runs_image.is_none());
         let some = told(
-            &[
-                ("SRV_POLARITY", 1.0),
-                ("SRV_RATE_HZ", 300.0),
-                ("CAL_ACC_SX", 1.01),
-            ],
+            &[("SRV_POLARITY", 1.0), ("SRV_RATE_HZ", 300.0), ("CAL_ACC_SX", 1.01)],
             Some("0a1b2c3d"),
         );
         assert_eq!(some.calibrated, ["accelerometer", "servo"]);
@@ -256,11 +236,7 @@ mod tests {
     #[test]
     fn a_refusal_to_arm_is_told_in_words() {
         let told = |may_arm| {
-            let heard = Heard {
-                code: Some(StateCode::Boot),
-                may_arm,
-                ..Heard::default()
-            };
+            let heard = Heard { code: Some(StateCode::Boot), may_arm, ..Heard::default() };
             let told = heard.told(None);
             (told.ready, told.refusal)
         };

@@ -174,10 +174,7 @@ mod tests {
     use tvc_nano::{Axis, Controller, LawState};
 
     fn row(name: &str, value: f32) -> Parameter {
-        Parameter {
-            name: name.into(),
-            value,
-        }
+        Parameter { name: name.into(), value }
     }
 
     #[test]
@@ -227,17 +224,8 @@ mod tests {
     fn other(range: Range, default: f32) -> f32 {
         match range {
             Range::Between(low, high) => {
-                let step = 0.5
-                    * if default == 0.0 {
-                        1.0_f32.min(high - low)
-                    } else {
-                        default
-                    };
-                if default + step <= high {
-                    default + step
-                } else {
-                    default - step
-                }
+                let step = 0.5 * if default == 0.0 { 1.0_f32.min(high - low) } else { default };
+                if default + step <= high { default + step } else { default - step }
             }
             Range::OneOf(values) => *values.iter().find(|value| **value != default).unwrap(),
         }
@@ -256,9 +244,7 @@ mod tests {
                     continue;
                 }
                 let mut changed = params.clone();
-                changed
-                    .set(info.name, other(info.range, info.default))
-                    .unwrap();
+                changed.set(info.name, other(info.range, info.default)).unwrap();
                 let differs = outputs(&changed) != before;
                 let says = laws_of(info.name).contains(&law);
                 assert_eq!(differs, says, "{} in law {law}", info.name);
@@ -269,10 +255,7 @@ mod tests {
     #[test]
     fn gains_of_the_law_in_force_come_first_and_others_last() {
         let params = Params::default();
-        let all: Vec<_> = params
-            .iter()
-            .map(|(info, value)| row(info.name, value))
-            .collect();
+        let all: Vec<_> = params.iter().map(|(info, value)| row(info.name, value)).collect();
         let rows = Row::of_all(&all);
         assert_eq!(rows[0].name, LAW);
         assert_eq!(rows[1].name, "PID_TRIM_RAD_S");
@@ -280,10 +263,7 @@ mod tests {
         assert_eq!(rows.len(), all.len());
         let kp = rows.iter().find(|row| row.name == "PID_KP").unwrap();
         let note = kp.note().unwrap();
-        assert!(
-            note.contains("not used by law 2 (PID_LAW), but by law 0"),
-            "{note}"
-        );
+        assert!(note.contains("not used by law 2 (PID_LAW), but by law 0"), "{note}");
         assert!(note.contains("polarity check"), "{note}");
         // A vehicle without the parameter tells nothing of its laws.
         assert_eq!(Row::of(&row("PID_KP", 1.0), None).unused_by_law, None);

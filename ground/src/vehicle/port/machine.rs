@@ -62,9 +62,8 @@ pub fn access(device: &Path) -> Option<Access> {
     let gid = Gid::from_raw(meta.gid());
     let name = |id| Some(User::from_uid(id).ok()??.name);
     let group = Group::from_gid(gid).ok().flatten();
-    let (group, members) = group.map_or((gid.to_string(), Vec::new()), |group| {
-        (group.name, group.mem)
-    });
+    let (group, members) =
+        group.map_or((gid.to_string(), Vec::new()), |group| (group.name, group.mem));
     let user = name(geteuid());
     Some(Access {
         owner: name(Uid::from_raw(meta.uid())).unwrap_or_else(|| meta.uid().to_string()),
@@ -130,10 +129,7 @@ fn processes() -> Option<Vec<(u32, std::path::PathBuf)>> {
 
 fn program(id: u32, process: &Path) -> Program {
     let name = std::fs::read_to_string(process.join("comm")).unwrap_or_default();
-    Program {
-        id,
-        name: name.trim().to_owned(),
-    }
+    Program { id, name: name.trim().to_owned() }
 }
 
 #[cfg(all(test, target_os = "linux"))]

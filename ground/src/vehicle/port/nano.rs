@@ -85,11 +85,7 @@ pub(super) fn nano(port: &SerialPortInfo) -> Option<Nano> {
         (VENDOR, BOOTLOADER) => Life::Bootloader,
         _ => return None,
     };
-    Some(Nano {
-        port: port.port_name.clone(),
-        life,
-        serial_number: usb.serial_number.clone(),
-    })
+    Some(Nano { port: port.port_name.clone(), life, serial_number: usb.serial_number.clone() })
 }
 
 /// Made-up ports, as the systems list them.
@@ -124,10 +120,7 @@ pub mod test_ports {
 
     /// A port of another kind.
     pub fn other(name: &str, port_type: SerialPortType) -> SerialPortInfo {
-        SerialPortInfo {
-            port_name: name.into(),
-            port_type,
-        }
+        SerialPortInfo { port_name: name.into(), port_type }
     }
 }
 
@@ -158,10 +151,8 @@ mod tests {
             usb("/dev/ttyUSB0", 0x0403, 0x6001, Some("FT1")),
         ];
         assert_eq!(names(&linux), ["/dev/ttyACM0"]);
-        let windows = [
-            other("COM1", SerialPortType::Unknown),
-            port("COM7", FIRMWARE, Some("7F2A")),
-        ];
+        let windows =
+            [other("COM1", SerialPortType::Unknown), port("COM7", FIRMWARE, Some("7F2A"))];
         assert_eq!(names(&windows), ["COM7"]);
         let bluetooth = |name| other(name, SerialPortType::BluetoothPort);
         for serial_number in [Some("7F2A"), None] {
@@ -188,10 +179,7 @@ mod tests {
             assert_eq!(names(&two), ["/dev/cu.usbmodem1", "/dev/cu.usbmodem2"]);
         }
         // Two listings of one device, whatever their names.
-        let one = [
-            port("a", FIRMWARE, Some("A")),
-            port("b", FIRMWARE, Some("A")),
-        ];
+        let one = [port("a", FIRMWARE, Some("A")), port("b", FIRMWARE, Some("A"))];
         assert_eq!(names(&one), ["a"]);
     }
 

@@ -16,11 +16,7 @@ fn what_is_signed_is_verified_once_and_is_the_same_frame() {
     let (ours, theirs) = (signing(0), signing(0));
     let signed = ours.sign(&order());
     assert_eq!(signed.len(), order().len() + SIGNATURE);
-    assert_eq!(
-        Wire::default().receive_frames(&signed).len(),
-        1,
-        "any station reads it"
-    );
+    assert_eq!(Wire::default().receive_frames(&signed).len(), 1, "any station reads it");
     assert_eq!(theirs.verified(&signed), Some(order()));
     assert_eq!(theirs.verified(&signed), None, "a second time");
     let again = ours.sign(&order());
@@ -37,11 +33,7 @@ fn what_is_unsigned_changed_or_of_another_key_is_refused() {
         for bit in 0..8 {
             let mut changed = signed.clone();
             changed[at] ^= 1 << bit;
-            assert_eq!(
-                signing(0).verified(&changed),
-                None,
-                "bit {bit} of byte {at}"
-            );
+            assert_eq!(signing(0).verified(&changed), None, "bit {bit} of byte {at}");
         }
         assert_eq!(signing(0).verified(&signed[..at]), None);
     }
@@ -80,11 +72,7 @@ fn a_key_is_a_file_of_32_bytes_that_is_its_owners_alone() {
         (&key[..], 0o640, "mode is 640"),
         (&key[..], 0o604, "chmod 600"),
         (&key[..31], 0o600, "this one has 31"),
-        (
-            &[key.clone(), vec![10]].concat()[..],
-            0o600,
-            "this one has more",
-        ),
+        (&[key.clone(), vec![10]].concat()[..], 0o600, "this one has more"),
         (b"", 0o600, "this one has 0"),
         (&[0; 32], 0o600, "no secret"),
     ] {

@@ -71,11 +71,7 @@ fn answer(message: &MavMessage, told: &mut Vec<String>) -> Option<MavMessage> {
     match message {
         MavMessage::PARAM_REQUEST_READ(read) => value(read.param_id, 0.0),
         MavMessage::PARAM_SET(set) => {
-            told.push(format!(
-                "{} {}",
-                client::text(&set.param_id),
-                set.param_value
-            ));
+            told.push(format!("{} {}", client::text(&set.param_id), set.param_value));
             value(set.param_id, set.param_value)
         }
         MavMessage::COMMAND_LONG(order) => {
@@ -106,14 +102,7 @@ fn release(vehicle: &mut Watched) -> Result<()> {
     vehicle.command(request::RELEASE)
 }
 
-const FLOWN: [&str; 6] = [
-    "FS_HOST 1",
-    "arm",
-    "release",
-    "disarm",
-    "PITCH_SET_DEG 2",
-    "FS_HOST 0",
-];
+const FLOWN: [&str; 6] = ["FS_HOST 1", "arm", "release", "disarm", "PITCH_SET_DEG 2", "FS_HOST 0"];
 
 #[test]
 fn a_command_that_panics_or_fails_disarms_and_puts_back_what_it_changed() {
@@ -166,10 +155,7 @@ fn a_vehicle_that_answers_nothing_is_to_be_cut_from_its_power() {
     assert!(begun.elapsed() < client::client::ANSWER + Duration::from_secs(2));
     drop(watched);
     let told = told.join().unwrap();
-    assert!(
-        told.len() > 10 && told.iter().all(|told| told == "disarm"),
-        "{told:?}"
-    );
+    assert!(told.len() > 10 && told.iter().all(|told| told == "disarm"), "{told:?}");
 }
 
 #[test]

@@ -20,9 +20,7 @@ impl Token {
     pub fn new() -> Result<Self> {
         let mut bytes = [0; LENGTH];
         getrandom::fill(&mut bytes).map_err(|error| anyhow!("making a token: {error}"))?;
-        Ok(Self(
-            bytes.iter().map(|byte| format!("{byte:02x}")).collect(),
-        ))
+        Ok(Self(bytes.iter().map(|byte| format!("{byte:02x}")).collect()))
     }
 
     /// One with this text.
@@ -37,11 +35,8 @@ impl Token {
 
     /// Whether `given` is this token; how long that takes does not tell how much of it is right.
     pub fn is(&self, given: &str) -> bool {
-        let difference = self
-            .0
-            .bytes()
-            .zip(given.bytes())
-            .fold(0, |sum, (ours, theirs)| sum | (ours ^ theirs));
+        let difference =
+            self.0.bytes().zip(given.bytes()).fold(0, |sum, (ours, theirs)| sum | (ours ^ theirs));
         given.len() == self.0.len() && difference == 0
     }
 }
@@ -108,22 +103,13 @@ mod tests {
 
     #[test]
     fn a_foreign_name_is_no_host_of_ours() {
-        for host in [
-            "127.0.0.1:8650",
-            "127.0.0.1",
-            "localhost:8650",
-            "[::1]:8650",
-            "192.168.1.7:80",
-        ] {
+        for host in
+            ["127.0.0.1:8650", "127.0.0.1", "localhost:8650", "[::1]:8650", "192.168.1.7:80"]
+        {
             assert!(is_own_host(host), "{host}");
         }
-        for host in [
-            "",
-            "evil.example:8650",
-            "127.0.0.1.evil.example",
-            "[evil]",
-            "localhost.evil",
-        ] {
+        for host in ["", "evil.example:8650", "127.0.0.1.evil.example", "[evil]", "localhost.evil"]
+        {
             assert!(!is_own_host(host), "{host}");
         }
     }

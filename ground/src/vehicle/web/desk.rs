@@ -65,10 +65,7 @@ pub struct Message {
 impl Message {
     /// Whether it changes nothing, or is a STOP.
     pub fn is_for_everybody(&self) -> bool {
-        matches!(
-            self.order,
-            Order::Stop | Order::WriteFile | Order::ReadFile { .. }
-        )
+        matches!(self.order, Order::Stop | Order::WriteFile | Order::ReadFile { .. })
     }
 
     /// Whether it is a STOP.
@@ -269,9 +266,7 @@ impl Desk {
             Order::Rig { action } => {
                 rig::admit(&action)?;
                 let rig = self.rig.clone();
-                return Ok(Box::pin(
-                    async move { rig.act(&action).await.map(|_| None) },
-                ));
+                return Ok(Box::pin(async move { rig.act(&action).await.map(|_| None) }));
             }
             Order::SetUp { step } => {
                 self.set_up(step)?;
@@ -307,10 +302,7 @@ impl Desk {
             "the order was {:.1} s old and was not given: press again",
             age.as_secs_f64()
         );
-        Ok(Condition {
-            until: Some(self.begun + heard + FRESH),
-            unless: None,
-        })
+        Ok(Condition { until: Some(self.begun + heard + FRESH), unless: None })
     }
 
     /// Sets a parameter that the vehicle has, to a value that it can have.
@@ -330,10 +322,7 @@ impl Desk {
     fn parameter_file(&self) -> Result<String> {
         let state = self.model.lock();
         let rows: Vec<_> = state.parameters.iter().map(|row| row.plain()).collect();
-        ensure!(
-            !rows.is_empty(),
-            "the vehicle's parameters are not known yet"
-        );
+        ensure!(!rows.is_empty(), "the vehicle's parameters are not known yet");
         Ok(param_file::text(&rows))
     }
 
@@ -341,11 +330,7 @@ impl Desk {
     fn test(&self, manoeuvre: Manoeuvre) -> Result<Outcome> {
         let mut state = self.model.lock();
         self.take_rudder(&state)?;
-        *state.test = Test {
-            manoeuvre: manoeuvre.name(),
-            running: true,
-            ..Test::default()
-        };
+        *state.test = Test { manoeuvre: manoeuvre.name(), running: true, ..Test::default() };
         drop(state);
         let (vehicle, model) = (self.vehicle.clone(), self.model.clone());
         let stop = self.test_stop;
@@ -438,10 +423,7 @@ fn idle(state: &State) -> Result<()> {
 
 /// No step of the set-up is under way.
 fn not_set_up(state: &State) -> Result<()> {
-    ensure!(
-        !state.set_up.running,
-        "a step of the set-up is under way: end it first"
-    );
+    ensure!(!state.set_up.running, "a step of the set-up is under way: end it first");
     Ok(())
 }
 

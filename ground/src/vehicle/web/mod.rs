@@ -178,9 +178,7 @@ pub fn run(options: &Web) -> Result<Verdict> {
         // what was changed for that.
         desk.close();
         stop.store(true, Ordering::Relaxed);
-        vehicle
-            .join()
-            .map_err(|_| anyhow!("the vehicle's thread broke"))?
+        vehicle.join().map_err(|_| anyhow!("the vehicle's thread broke"))?
     })?;
     Ok(Verdict::Met)
 }

@@ -158,10 +158,7 @@ impl ParameterRow {
 
     /// Its name and value alone.
     pub fn plain(&self) -> Parameter {
-        Parameter {
-            name: self.row.name.clone(),
-            value: self.row.value,
-        }
+        Parameter { name: self.row.name.clone(), value: self.row.value }
     }
 
     /// Whether it has this name.
@@ -321,12 +318,7 @@ impl State {
     /// Keeps a text, and drops the oldest beyond the limit.
     pub fn add_text(&mut self, time_s: f64, severity: u8, text: String) {
         self.last_text += 1;
-        self.texts.push_back(Text {
-            id: self.last_text,
-            time_s,
-            severity,
-            text,
-        });
+        self.texts.push_back(Text { id: self.last_text, time_s, severity, text });
         if self.texts.len() > TEXTS {
             self.texts.pop_front();
         }

@@ -23,12 +23,7 @@ struct Relay {
 /// A link through the thread that has the port.
 pub fn link(vehicle: Handle) -> Link {
     let frames = vehicle.listen();
-    Link::at(Relay {
-        vehicle,
-        frames,
-        begun: Instant::now(),
-    })
-    .without_heartbeat()
+    Link::at(Relay { vehicle, frames, begun: Instant::now() }).without_heartbeat()
 }
 
 impl Way for Relay {
@@ -57,10 +52,7 @@ impl Way for Relay {
     }
 
     fn request(&self, request: &Request, stop: Option<&'static AtomicBool>) -> Option<Waited> {
-        let condition = Condition {
-            until: None,
-            unless: stop,
-        };
+        let condition = Condition { until: None, unless: stop };
         let mut answer = self.vehicle.request(request.clone(), condition);
         Some(Box::new(move || answer.look()))
     }

@@ -107,19 +107,14 @@ impl Releases {
     fn begin(&mut self, beat: &HEARTBEAT_DATA, circumstances: Circumstances) {
         let parameters = circumstances.parameters.iter();
         let parameters = parameters.map(|row| Event::Parameter(row.name.clone(), row.value));
-        let mut entries: Vec<_> = parameters
-            .flat_map(|event| event.messages())
-            .map(entry)
-            .collect();
+        let mut entries: Vec<_> =
+            parameters.flat_map(|event| event.messages()).map(entry).collect();
         entries.push(entry(MavMessage::HEARTBEAT(beat.clone())));
         self.now = Some((entries, circumstances));
     }
 
     fn release(&mut self, entries: Vec<Entry>, circumstances: Circumstances) -> Option<Release> {
-        let flight = Flight::of(&Log {
-            entries,
-            ..Log::default()
-        });
+        let flight = Flight::of(&Log { entries, ..Log::default() });
         let releases = flight.releases();
         let release = releases.first()?;
         let servo = ServoMap::of(&flight.parameters());
@@ -152,12 +147,7 @@ impl Releases {
 }
 
 fn entry(message: MavMessage) -> Entry {
-    Entry {
-        time_us: 0,
-        from_vehicle: true,
-        message,
-        lost_before: 0,
-    }
+    Entry { time_us: 0, from_vehicle: true, message, lost_before: 0 }
 }
 
 /// What an operator has changed.
@@ -182,10 +172,7 @@ mod tests {
     fn flown(releases: &mut Releases, kp: f32, from: StateKind) -> Option<Vec<Release>> {
         let circumstances = || Circumstances {
             parameters: [("PID_KP", kp), ("CLK_FINE", kp)]
-                .map(|(name, value)| Parameter {
-                    name: name.into(),
-                    value,
-                })
+                .map(|(name, value)| Parameter { name: name.into(), value })
                 .into(),
             test: None,
             log: None,
@@ -242,11 +229,7 @@ mod tests {
     #[test]
     fn of_a_long_release_the_beginning_counts_and_once() {
         let mut releases = Releases::default();
-        let circumstances = || Circumstances {
-            parameters: Vec::new(),
-            test: None,
-            log: None,
-        };
+        let circumstances = || Circumstances { parameters: Vec::new(), test: None, log: None };
         let mut take = |message: &MavMessage| releases.take(message, circumstances).is_some();
         take(&state(StateKind::Armed));
         take(&state(StateKind::Active));

@@ -41,10 +41,7 @@ pub fn page(
         log.display()
     );
     let folder = tempfile::tempdir().context("making a temporary folder")?;
-    let (page, said) = (
-        folder.path().join("report.html"),
-        folder.path().join("said"),
-    );
+    let (page, said) = (folder.path().join("report.html"), folder.path().join("said"));
     let process = Command::new(program)
         .args(["report".as_ref(), log, "--out".as_ref(), &page])
         .stdin(Stdio::null())

@@ -35,9 +35,7 @@ pub enum RigControl {
 impl RigControl {
     /// The socket beside a port; there is none beside a port that was not named.
     pub fn beside(port: Option<&str>) -> Self {
-        port.map_or(Self::None, |port| {
-            Self::Socket(control_path(Path::new(port)))
-        })
+        port.map_or(Self::None, |port| Self::Socket(control_path(Path::new(port))))
     }
 
     /// Acts on the rig; how it is then.
@@ -47,16 +45,14 @@ impl RigControl {
     pub async fn act(self, action: &str) -> Result<Value> {
         let line = match self {
             Self::None => bail!("this port is no virtual rig"),
-            Self::Socket(path) => timeout(PATIENCE, ask(&path, action))
-                .await
-                .context("the rig does not answer")??,
+            Self::Socket(path) => {
+                timeout(PATIENCE, ask(&path, action)).await.context("the rig does not answer")??
+            }
             Self::Here(rig) => {
                 let (answer, told) = channel();
                 let ended = "the rig has ended";
                 rig.send((action.to_owned(), answer)).context(ended)?;
-                spawn_blocking(move || told.recv_timeout(PATIENCE))
-                    .await?
-                    .context(ended)?
+                spawn_blocking(move || told.recv_timeout(PATIENCE)).await?.context(ended)?
             }
         };
         answer(&line)
@@ -80,10 +76,7 @@ impl RigControl {
 /// # Errors
 /// They are none.
 pub fn admit(words: &str) -> Result<()> {
-    words
-        .parse::<Action>()
-        .map(drop)
-        .map_err(|why| anyhow!(why))
+    words.parse::<Action>().map(drop).map_err(|why| anyhow!(why))
 }
 
 /// What the page offers: the kinds of faults with what each takes, and the words of all actions.
@@ -105,9 +98,7 @@ async fn ask(path: &Path, action: &str) -> Result<String> {
     let mut stream = stream.context("no rig that can be acted on is at this port")?;
     stream.write_all(format!("{action}\n").as_bytes()).await?;
     let mut line = String::new();
-    BufReader::new(stream.take(ANSWER))
-        .read_line(&mut line)
-        .await?;
+    BufReader::new(stream.take(ANSWER)).read_line(&mut line).await?;
     Ok(line)
 }
 

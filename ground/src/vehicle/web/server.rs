@@ -75,21 +75,9 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/attitude.js", SCRIPT, include_str!("attitude.js")),
     ("/sections.js", SCRIPT, include_str!("sections.js")),
     ("/parameters.js", SCRIPT, include_str!("parameters.js")),
-    (
-        "/parameter_file.js",
-        SCRIPT,
-        include_str!("parameter_file.js"),
-    ),
-    (
-        "/uPlot.js",
-        SCRIPT,
-        include_str!("../../../vendor/uplot/uPlot.iife.min.js"),
-    ),
-    (
-        "/uPlot.css",
-        STYLE,
-        include_str!("../../../vendor/uplot/uPlot.min.css"),
-    ),
+    ("/parameter_file.js", SCRIPT, include_str!("parameter_file.js")),
+    ("/uPlot.js", SCRIPT, include_str!("../../../vendor/uplot/uPlot.iife.min.js")),
+    ("/uPlot.css", STYLE, include_str!("../../../vendor/uplot/uPlot.min.css")),
     ("/rig.js", SCRIPT, include_str!("rig.js")),
     ("/logs.js", SCRIPT, include_str!("logs.js")),
     ("/tests.js", SCRIPT, include_str!("tests.js")),
@@ -106,10 +94,7 @@ const HEADERS: [(HeaderName, &str); 6] = [
     ),
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::REFERRER_POLICY, "no-referrer"),
-    (
-        HeaderName::from_static("cross-origin-resource-policy"),
-        "same-origin",
-    ),
+    (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
     (header::CACHE_CONTROL, "no-store"),
 ];
 
@@ -182,10 +167,7 @@ async fn answer(
         (&Method::GET, "/rig.json") => respond(StatusCode::OK, JSON, rig::vocabulary().to_string()),
         (&Method::GET, path) if path == "/logs" || folder_and_name(path).is_some() => {
             if !is_authorised(head, &desk) {
-                return plain(
-                    StatusCode::UNAUTHORIZED,
-                    "recordings need the page's token\n",
-                );
+                return plain(StatusCode::UNAUTHORIZED, "recordings need the page's token\n");
             }
             strangers.forget(tokio::task::id());
             let path = path.to_owned();
@@ -215,10 +197,8 @@ fn open(
     let head = request.headers();
     let upgrade = head.get(header::UPGRADE).map(HeaderValue::as_bytes);
     let key = head.get(header::SEC_WEBSOCKET_KEY);
-    let (true, Some(key)) = (
-        upgrade.is_some_and(|to| to.eq_ignore_ascii_case(b"websocket")),
-        key,
-    ) else {
+    let (true, Some(key)) = (upgrade.is_some_and(|to| to.eq_ignore_ascii_case(b"websocket")), key)
+    else {
         return plain(StatusCode::UPGRADE_REQUIRED, "this is a page's WebSocket\n");
     };
     let accept = derive_accept_key(key.as_bytes());
@@ -248,9 +228,7 @@ fn is_authorised(head: &HeaderMap, desk: &Desk) -> bool {
 /// The folder and the name, as it is written in an address, of a recording's path.
 fn folder_and_name(path: &str) -> Option<(&str, &str)> {
     let (folder, name) = path.strip_prefix('/')?.split_once('/')?;
-    ["logs", "reports"]
-        .contains(&folder)
-        .then_some((folder, name))
+    ["logs", "reports"].contains(&folder).then_some((folder, name))
 }
 
 /// What is asked for about recordings, and its kind.
@@ -289,10 +267,9 @@ fn respond(
 ) -> hyper::http::Result<Answer> {
     HEADERS
         .into_iter()
-        .fold(
-            Response::builder().status(status),
-            |response, (name, value)| Builder::header(response, name, value),
-        )
+        .fold(Response::builder().status(status), |response, (name, value)| {
+            Builder::header(response, name, value)
+        })
         .header(header::CONTENT_TYPE, kind)
         .body(Full::new(content.into()))
 }

@@ -53,10 +53,7 @@ impl Person for Page {
 
     fn progress(&mut self, share: f64, words: &str, seen: Option<&Coverage>) {
         let mut state = self.0.lock();
-        let is_shown = state
-            .set_up
-            .share
-            .is_some_and(|at| (share - at).abs() < LEAST_SHARE);
+        let is_shown = state.set_up.share.is_some_and(|at| (share - at).abs() < LEAST_SHARE);
         if !is_shown || state.set_up.progress != words {
             let now = &mut *state.set_up;
             (now.share, now.progress) = (Some(share.clamp(0.0, 1.0)), words.to_owned());

@@ -94,16 +94,11 @@ async fn is_admitted(socket: &mut Socket, desk: &Desk) -> bool {
     let token_of_now = json!({ "token": desk.token.text() });
     desk.token.is(&token)
         || (desk.once.take(&token)
-            && send(socket, Frame::text(token_of_now.to_string()))
-                .await
-                .is_ok())
+            && send(socket, Frame::text(token_of_now.to_string())).await.is_ok())
 }
 
 async fn close(mut socket: Socket, code: u16, reason: &'static str) {
-    let reason = CloseFrame {
-        code: CloseCode::from(code),
-        reason: reason.into(),
-    };
+    let reason = CloseFrame { code: CloseCode::from(code), reason: reason.into() };
     let _ = timeout(GONE, socket.close(Some(reason))).await;
 }
 

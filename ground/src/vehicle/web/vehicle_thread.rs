@@ -315,11 +315,7 @@ impl<'a> Session<'a> {
         if stores {
             self.storing = Some(ticket);
         }
-        self.waiting.push(Waiting {
-            ticket,
-            condition,
-            replies: vec![reply],
-        });
+        self.waiting.push(Waiting { ticket, condition, replies: vec![reply] });
     }
 
     fn request(&mut self, request: Request) -> Ticket {

@@ -18,10 +18,7 @@ pub struct Visitor {
 impl Visitor {
     /// Whoever comes from this address.
     pub fn of(from: IpAddr, admission: &Admission) -> Self {
-        Self {
-            from,
-            may_command: admission.admits(from),
-        }
+        Self { from, may_command: admission.admits(from) }
     }
 
     /// Lets an order pass. A STOP always passes: whoever sees the vehicle must be able to stop it.
@@ -46,9 +43,7 @@ mod tests {
         let order = |line| serde_json::from_str::<Message>(line).unwrap();
         let admits = |from: &str| {
             let visitor = Visitor::of(from.parse().unwrap(), &Admission::default());
-            let admitted = orders
-                .lines()
-                .filter(|line| visitor.admit(&order(line)).is_ok());
+            let admitted = orders.lines().filter(|line| visitor.admit(&order(line)).is_ok());
             admitted.count()
         };
         assert_eq!(admits("127.0.0.1"), orders.lines().count());
@@ -56,9 +51,6 @@ mod tests {
         let visitor = Visitor::of("192.168.1.20".parse().unwrap(), &Admission::default());
         let arm = order(r#"{"id":1,"heard_ms":0,"order":"arm"}"#);
         let said = visitor.admit(&arm).unwrap_err().to_string();
-        assert!(
-            said.contains("--accept-commands-from 192.168.1.20"),
-            "{said}"
-        );
+        assert!(said.contains("--accept-commands-from 192.168.1.20"), "{said}");
     }
 }

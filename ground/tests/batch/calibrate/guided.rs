@@ -93,14 +93,9 @@ impl Rig {
         let rows = list["parameters"].as_array().unwrap().iter();
         let measured = ["CLK_FINE", "I2C_STRETCH_US"];
         let rows = rows.filter(|row| !measured.iter().any(|name| row["name"] == *name));
-        rows.map(|row| {
-            (
-                row["name"].as_str().unwrap().to_owned(),
-                row["value"].clone(),
-            )
-        })
-        .collect::<serde_json::Map<_, _>>()
-        .into()
+        rows.map(|row| (row["name"].as_str().unwrap().to_owned(), row["value"].clone()))
+            .collect::<serde_json::Map<_, _>>()
+            .into()
     }
 }
 
@@ -212,10 +207,7 @@ fn a_servo_is_set_up_by_what_is_given_or_by_what_a_person_sees() {
         "2100",
         "--yes",
     ]);
-    assert_eq!(
-        (&given["written"], &given["changed"]),
-        (&true.into(), &4.into())
-    );
+    assert_eq!((&given["written"], &given["changed"]), (&true.into(), &4.into()));
     assert_keys("calibrate-servo", &given);
     assert_eq!(given["polarity_checked"], true);
     // Centre 1530 and a nudge up; 29 and 31 deg; wrong way round; ends.
@@ -234,9 +226,7 @@ fn a_servo_is_set_up_by_what_is_given_or_by_what_a_person_sees() {
     assert_eq!(found["polarity_checked"], false);
     // The keys stand on a line of their own, and once for each pulse.
     let typed = rig.typing(keys, &["calibrate", "servo"]);
-    let asked = said(&typed)
-        .matches(" us.\nPulse in us, + or - for 5 us")
-        .count();
+    let asked = said(&typed).matches(" us.\nPulse in us, + or - for 5 us").count();
     assert_eq!(asked, 3, "{}", said(&typed));
     let bad = rig.tvc(&["calibrate", "servo", "--centre", "1700", "--yes"]);
     assert_eq!(bad.status.code(), Some(2));
@@ -253,10 +243,7 @@ fn a_lateral_offset_of_the_mass_is_measured_in_flight_and_held_before_the_next()
     assert_keys("calibrate-hold", &first);
     assert_eq!(first["written"], true);
     let second = rig.json(&["calibrate", "hold", "--seconds", "2", "--yes"]);
-    assert!(
-        second["crank_deg"].as_f64().unwrap().abs() < 0.4,
-        "{second}"
-    );
+    assert!(second["crank_deg"].as_f64().unwrap().abs() < 0.4, "{second}");
     assert!((second["hold_deg"].as_f64().unwrap() - hold_deg).abs() < 0.4);
 }
 
@@ -267,9 +254,7 @@ fn in_a_terminal_a_question_stands_alone_below_what_is_to_be_done() {
     let shown = rig.in_terminal(&["calibrate", "polarity"], question);
     assert!(shown.ends_with(question), "{shown:?}");
     // What is cleared on a line before is not seen any more.
-    let lines = shown
-        .lines()
-        .filter_map(|line| line.rsplit("\x1b[2K").next());
+    let lines = shown.lines().filter_map(|line| line.rsplit("\x1b[2K").next());
     let steps: Vec<_> = lines.filter(|line| line.contains("/3  ")).collect();
     let asked = [
         "1/3  Thrust off. Hold the vehicle upright.",

@@ -15,21 +15,14 @@ mod guided;
 mod truth;
 
 fn errors(soft_iron: [[f64; 3]; 3]) -> ImuErrors {
-    ImuErrors {
-        soft_iron,
-        ..ImuErrors::LARGEST
-    }
+    ImuErrors { soft_iron, ..ImuErrors::LARGEST }
 }
 
 const SYMMETRIC: [[f64; 3]; 3] = ImuErrors::LARGEST.soft_iron;
 const SKEWED: [[f64; 3]; 3] = [[1.1, 0.2, 0.0], [0.0, 0.9, 0.1], [0.05, 0.0, 1.0]];
 
 fn sensor(errors: ImuErrors, seed: u64) -> Config {
-    Config {
-        seed,
-        errors,
-        ..Config::default()
-    }
+    Config { seed, errors, ..Config::default() }
 }
 
 fn write(folder: &Path, samples: &[Sample]) -> PathBuf {
@@ -59,21 +52,11 @@ fn calibrate(folder: &Path, log: &Path, more: &[&str]) -> Output {
 fn assert_calibrated(soft_iron: [[f64; 3]; 3], seed: u64) {
     let folder = tempfile::tempdir().unwrap();
     let errors = errors(soft_iron);
-    let log = write(
-        folder.path(),
-        &record(sensor(errors, seed), &MotionPlan::default()),
-    );
+    let log = write(folder.path(), &record(sensor(errors, seed), &MotionPlan::default()));
     let output = calibrate(
         folder.path(),
         &log,
-        &[
-            "--level",
-            "5",
-            "--place",
-            "55.79,12.52",
-            "--date",
-            "2026-07-01",
-        ],
+        &["--level", "5", "--place", "55.79,12.52", "--date", "2026-07-01"],
     );
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(0), "{said}");
@@ -125,17 +108,11 @@ fn assert_refused(samples: &[Sample], more: &[&str], part: &str) {
 
 #[test]
 fn poor_data_are_refused_with_the_reason() {
-    let hand = MotionPlan {
-        turning_s: 2.0,
-        ..MotionPlan::default()
-    };
+    let hand = MotionPlan { turning_s: 2.0, ..MotionPlan::default() };
     let short = record(sensor(errors(SYMMETRIC), 4), &hand);
     assert_refused(&short, &[], "of all directions");
     assert_refused(&short[..1200], &["--only", "acc"], "all six faces");
-    let trembling = MotionPlan {
-        tremble_rad_s: 0.08,
-        ..hand
-    };
+    let trembling = MotionPlan { tremble_rad_s: 0.08, ..hand };
     let moved = record(sensor(errors(SYMMETRIC), 4), &trembling);
     assert_refused(&moved, &["--only", "gyr"], "it moved during the rest");
     let mut mirrored = short;

@@ -7,9 +7,7 @@ use serde_json::Value;
 const MG: f64 = 9.80665e-3;
 
 fn value(parameters: &Value, name: &str) -> f64 {
-    parameters[name]
-        .as_f64()
-        .unwrap_or_else(|| panic!("{name} in {parameters}"))
+    parameters[name].as_f64().unwrap_or_else(|| panic!("{name} in {parameters}"))
 }
 
 fn vector(parameters: &Value, prefix: &str) -> Vector3<f64> {
@@ -43,10 +41,7 @@ pub(crate) fn assert_near(errors: &ImuErrors, parameters: &Value) {
     let bias = errors.gyro_bias_rad_s.unwrap().map(f64::to_degrees);
     let rate_deg_s = (vector(parameters, "CAL_GYR_O") - Vector3::from(bias)).amax();
     // What the corrected accelerometer shows in every direction, against what is there.
-    let (offset, scale) = (
-        vector(parameters, "CAL_ACC_O") / MG,
-        vector(parameters, "CAL_ACC_S"),
-    );
+    let (offset, scale) = (vector(parameters, "CAL_ACC_O") / MG, vector(parameters, "CAL_ACC_S"));
     let mut force_mg: f64 = 0.0;
     for axis in 0..3 {
         for truth in [-1000.0, 0.0, 1000.0] {
@@ -59,8 +54,5 @@ pub(crate) fn assert_near(errors: &ImuErrors, parameters: &Value) {
     eprintln!("off by {rate_deg_s:.4} deg/s, {force_mg:.2} mg, heading {heading_deg:.2} deg");
     assert!(rate_deg_s <= 0.02, "gyroscope {rate_deg_s} deg/s off");
     assert!(force_mg <= 5.0, "accelerometer {force_mg} mg off");
-    assert!(
-        heading_deg <= 1.5,
-        "heading {heading_deg} deg off: {parameters}"
-    );
+    assert!(heading_deg <= 1.5, "heading {heading_deg} deg off: {parameters}");
 }

@@ -64,11 +64,7 @@ fn the_page_knows_what_is_in_flash_and_reads_and_writes_files() {
     assert_eq!(text.lines().count(), tvc_nano::Params::count());
     let file = "# of QGroundControl\n1\t1\tPID_KP\t1.25\t9\n1\t1\tNO_SUCH\t2\t9\n";
     let answer = page.give("read-file", json!({ "text": file }), 0);
-    let words: Vec<_> = answer["note"]
-        .as_str()
-        .unwrap()
-        .split_whitespace()
-        .collect();
+    let words: Vec<_> = answer["note"].as_str().unwrap().split_whitespace().collect();
     assert_eq!(words, ["PID_KP", "1.25", "NO_SUCH", "2"]);
     let said = page.refused("read-file", json!({ "text": "PID_KP 11" }));
     assert!(said.contains("line 1: PID_KP must be 0 to 10"), "{said}");

@@ -22,10 +22,7 @@ const KEPT: usize = 300;
 /// What is in the memory of the program, KiB.
 fn resident_kib(server: &Server) -> u64 {
     let status = read_to_string(format!("/proc/{}/status", server.web.0.id())).unwrap();
-    let line = status
-        .lines()
-        .find(|line| line.starts_with("VmRSS"))
-        .unwrap();
+    let line = status.lines().find(|line| line.starts_with("VmRSS")).unwrap();
     line.split_whitespace().nth(1).unwrap().parse().unwrap()
 }
 
@@ -45,11 +42,7 @@ fn bytes(kind: usize, host: &str) -> Vec<u8> {
         format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\n{rest}")
     };
     let text = match kind % 10 {
-        0 => head(
-            "POST",
-            "/x",
-            "Host: evil\r\nContent-Length: 99999999999\r\n\r\n",
-        ),
+        0 => head("POST", "/x", "Host: evil\r\nContent-Length: 99999999999\r\n\r\n"),
         1 => head("POST", "/stop", "Content-Length: 99999999999\r\n\r\nx"),
         2 => head("POST", "/arm", "Content-Length: 1000\r\n\r\nhalf"),
         3 => head("GET", "/", "X: "),
@@ -113,20 +106,15 @@ fn no_request_ends_the_program_or_keeps_stop_out() {
     let page = server.page();
     page.arm();
     let huge = "Content-Length: 99999999999\r\n";
-    assert_eq!(
-        server.ask("POST /x", &format!("Host: evil\r\n{huge}")).0,
-        403
-    );
+    assert_eq!(server.ask("POST /x", &format!("Host: evil\r\n{huge}")).0, 403);
     let begin = |text: &str| {
         let mut stream = TcpStream::connect(&server.address).unwrap();
         // It may have been closed at once.
         let _ = stream.write_all(text.as_bytes());
         stream
     };
-    let half = format!(
-        "POST /stop HTTP/1.1\r\nHost: {}\r\nContent-Length: 9\r\n\r\n1",
-        server.address
-    );
+    let half =
+        format!("POST /stop HTTP/1.1\r\nHost: {}\r\nContent-Length: 9\r\n\r\n1", server.address);
     let _halves: Vec<_> = (0..300).map(|_| begin(&half)).collect();
     let _idle: Vec<_> = (0..500).map(|_| begin("")).collect();
     page.wait_for("armed");
@@ -173,8 +161,5 @@ fn attack_a_server(count: usize) {
     );
     assert!(longest < STOP, "{longest:?}");
     assert!(growth_kib < 20_000, "{growth_kib} KiB");
-    assert_eq!(
-        page.wait("condition", |_| true)["connected"],
-        Value::Bool(true)
-    );
+    assert_eq!(page.wait("condition", |_| true)["connected"], Value::Bool(true));
 }

@@ -64,17 +64,9 @@ fn the_page_shows_arms_stops_and_tunes_and_a_foreign_page_cannot() {
         ("PUT /stop", "X-Stop: 1\r\n", 403),
         ("POST /stop", "", 403),
         ("POST /stop", "X-Stop: 1\r\nHost: evil.example\r\n", 403),
-        (
-            "POST /stop",
-            "X-Stop: 1\r\nOrigin: http://evil.example\r\n",
-            403,
-        ),
+        ("POST /stop", "X-Stop: 1\r\nOrigin: http://evil.example\r\n", 403),
         ("POST /stop", "X-Stop: 1\r\nOrigin: null\r\n", 403),
-        (
-            "GET /page",
-            "Upgrade: websocket\r\nOrigin: http://127.0.0.1:1\r\n",
-            403,
-        ),
+        ("GET /page", "Upgrade: websocket\r\nOrigin: http://127.0.0.1:1\r\n", 403),
     ] {
         assert_eq!(server.ask(what, head).0, status, "{what} {head}");
     }
@@ -133,16 +125,10 @@ fn the_page_shows_arms_stops_and_tunes_and_a_foreign_page_cannot() {
 fn the_browser_that_is_opened_gets_a_word_that_is_good_once() {
     let (folder, port, _rig) = vehicle();
     let opener = folder.path().join("xdg-open");
-    std::fs::write(
-        &opener,
-        "#!/bin/sh\necho \"$1\" > \"$0.tmp\"; mv \"$0.tmp\" \"$0.said\"\n",
-    )
-    .unwrap();
+    std::fs::write(&opener, "#!/bin/sh\necho \"$1\" > \"$0.tmp\"; mv \"$0.tmp\" \"$0.said\"\n")
+        .unwrap();
     std::fs::set_permissions(&opener, PermissionsExt::from_mode(0o700)).unwrap();
-    let path = format!(
-        "PATH={}:$PATH; set -- \"$@\" --open",
-        folder.path().display()
-    );
+    let path = format!("PATH={}:$PATH; set -- \"$@\" --open", folder.path().display());
     let server = Server::limited(&port, folder.path(), &path);
     let said = folder.path().join("xdg-open.said");
     let begun = Instant::now();
@@ -182,18 +168,14 @@ fn a_step_test_gives_its_figures_and_a_recording_its_log() {
     // A STOP ends a test, whatever it does.
     page.press("step");
     page.press("stop");
-    let trial = page.wait("trial", |trial| {
-        trial["running"] == false && trial["result"].is_null()
-    });
+    let trial = page.wait("trial", |trial| trial["running"] == false && trial["result"].is_null());
     let stage = trial["stage"].as_str().unwrap();
     assert!(stage.contains("stopped by the operator"), "{trial}");
     page.wait_for("standby");
 
     page.press("record");
     page.wait("condition", |now| {
-        now["recording"]
-            .as_str()
-            .is_some_and(|path| path.ends_with("flight-001.tlog"))
+        now["recording"].as_str().is_some_and(|path| path.ends_with("flight-001.tlog"))
     });
     std::thread::sleep(Duration::from_secs(1));
     page.press("end-record");
@@ -234,10 +216,7 @@ fn a_port_that_went_away_is_said_and_found_again() {
     first.0.wait().unwrap();
     let condition = page.wait("condition", |now| now["connected"] == false);
     let problem = condition["problem"].as_str().unwrap();
-    assert!(
-        problem.contains("went away") || problem.contains("no port"),
-        "{problem}"
-    );
+    assert!(problem.contains("went away") || problem.contains("no port"), "{problem}");
     page.refused("arm", Value::Null);
     page.refused("stop", Value::Null);
     let _second = rig_at(&port);
@@ -247,21 +226,12 @@ fn a_port_that_went_away_is_said_and_found_again() {
 
 #[test]
 fn what_cannot_be_served_is_said_in_a_line() {
-    let said = refused(&[
-        "web",
-        "--listen",
-        "127.0.0.1:0",
-        "--port",
-        "/dev/no-such-port",
-    ]);
+    let said = refused(&["web", "--listen", "127.0.0.1:0", "--port", "/dev/no-such-port"]);
     assert!(said.contains("no port /dev/no-such-port"), "{said}");
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
     let said = refused(&["web", "--listen", &address]);
-    assert!(
-        said.contains(&address) && said.contains("--listen"),
-        "{said}"
-    );
+    assert!(said.contains(&address) && said.contains("--listen"), "{said}");
     let said = refused(&["web", "--logs", "/no/such/folder"]);
     assert!(said.contains("--logs"), "{said}");
     refused(&["web", "--listen", "8650"]);

@@ -39,16 +39,7 @@ pub(crate) fn rig(port: &Path) -> Running {
 
 fn rig_with(port: &Path, more: &[&str]) -> Running {
     let port = port.to_str().unwrap();
-    let options = [
-        "rig",
-        "--pty",
-        "--seconds",
-        "3600",
-        "--tilt",
-        "0.3",
-        "--link",
-        port,
-    ];
+    let options = ["rig", "--pty", "--seconds", "3600", "--tilt", "0.3", "--link", port];
     Running::start(&[&options, more].concat()).0
 }
 
@@ -191,11 +182,7 @@ impl Page {
                 }
             }
         });
-        Self {
-            out,
-            seen,
-            next: std::cell::Cell::new(1),
-        }
+        Self { out, seen, next: std::cell::Cell::new(1) }
     }
 
     /// Waits until `find` finds something in what has come.
@@ -249,9 +236,7 @@ impl Page {
     /// Sends an order as of some time before now, negative after it; its answer.
     pub(crate) fn give(&self, order: &str, fields: Value, age_ms: i64) -> Value {
         let id = self.next.replace(self.next.get() + 1);
-        let now_ms = self.find("a first message", |seen| {
-            (seen.now_ms > 0).then_some(seen.now_ms)
-        });
+        let now_ms = self.find("a first message", |seen| (seen.now_ms > 0).then_some(seen.now_ms));
         let heard_ms = now_ms.saturating_add_signed(-age_ms);
         let mut message = json!({ "id": id, "heard_ms": heard_ms, "order": order });
         if let Value::Object(fields) = fields {
@@ -277,9 +262,7 @@ impl Page {
     pub(crate) fn refused(&self, order: &str, fields: Value) -> String {
         let answer = self.give(order, fields, 0);
         let error = answer["error"].as_str();
-        error
-            .unwrap_or_else(|| panic!("{order}: {answer}"))
-            .to_owned()
+        error.unwrap_or_else(|| panic!("{order}: {answer}")).to_owned()
     }
 
     /// Changes a parameter.
@@ -293,8 +276,7 @@ impl Page {
         self.wait("parameters", |rows| {
             let rows = rows.as_array().unwrap();
             assert!([0, tvc_nano::Params::count()].contains(&rows.len()));
-            rows.iter()
-                .any(|row| row["name"] == name && row["value"] == value)
+            rows.iter().any(|row| row["name"] == name && row["value"] == value)
         });
     }
 

@@ -54,12 +54,7 @@ fn recordings_are_listed_downloaded_and_reported_with_the_token_alone() {
     assert_eq!((status, body(&answer)), (200, &bytes[..]));
     let named = server.ask("GET /logs/my%20notes%20%26%20more.tlog", &key);
     assert!(named.1.ends_with("no log"), "{}", named.1);
-    assert_eq!(
-        server
-            .ask("GET /reports/my%20notes%20%26%20more.tlog", &key)
-            .0,
-        404
-    );
+    assert_eq!(server.ask("GET /reports/my%20notes%20%26%20more.tlog", &key).0, 404);
 
     let page_of = folder.path().join("report.html");
     let [log, page_of] = [&log, &page_of].map(|path| path.to_str().unwrap());
@@ -111,19 +106,15 @@ fn hold_and_chirp_give_their_figures_and_the_set_point_comes_back() {
     let result = |order: &str, seconds: u32| {
         let answer = page.give(order, json!({ "seconds": seconds }), 0);
         assert!(answer["error"].is_null(), "{answer}");
-        let trial = page.wait("trial", |trial| {
-            trial["manoeuvre"] == order && trial["running"] == false
-        });
+        let trial =
+            page.wait("trial", |trial| trial["manoeuvre"] == order && trial["running"] == false);
         assert!(trial["result"].is_object(), "{trial}");
         assert!(folder.path().join(format!("{order}-001.tlog")).exists());
         page.wait_for("standby");
         trial["result"].clone()
     };
     let hold = result("hold", 4);
-    assert!(
-        hold["hold"]["rms_error_rad"].as_f64().unwrap() < 0.05,
-        "{hold}"
-    );
+    assert!(hold["hold"]["rms_error_rad"].as_f64().unwrap() < 0.05, "{hold}");
     assert!(hold["sweep"].is_null(), "{hold}");
 
     let chirp = result("chirp", 12);
@@ -136,27 +127,17 @@ fn hold_and_chirp_give_their_figures_and_the_set_point_comes_back() {
     // A STOP ends it, and the set point still comes back.
     let answer = page.give("chirp", json!({ "seconds": 60 }), 0);
     assert!(answer["error"].is_null(), "{answer}");
-    page.wait("frame", |frame| {
-        frame["set_deg"].as_f64().is_some_and(|deg| deg.abs() > 1.0)
-    });
+    page.wait("frame", |frame| frame["set_deg"].as_f64().is_some_and(|deg| deg.abs() > 1.0));
     page.press("stop");
     let trial = page.wait("trial", |trial| trial["running"] == false);
-    assert!(
-        trial["stage"]
-            .as_str()
-            .unwrap()
-            .contains("stopped by the operator"),
-        "{trial}"
-    );
+    assert!(trial["stage"].as_str().unwrap().contains("stopped by the operator"), "{trial}");
     page.wait_for_parameter("PITCH_SET_DEG", 0.0);
     page.wait_for("standby");
 
     // So it does where the program is told to end.
     let answer = page.give("chirp", json!({ "seconds": 60 }), 0);
     assert!(answer["error"].is_null(), "{answer}");
-    page.wait("frame", |frame| {
-        frame["set_deg"].as_f64().is_some_and(|deg| deg.abs() > 1.0)
-    });
+    page.wait("frame", |frame| frame["set_deg"].as_f64().is_some_and(|deg| deg.abs() > 1.0));
     let said = server.end("TERM");
     assert!(said.contains("disarmed"), "{said}");
     assert_eq!(super::parameter(&port, "PITCH_SET_DEG"), 0.0);

@@ -25,19 +25,11 @@ fn the_panel_acts_on_the_rig_before_boot_and_after() {
     page.wait_for("standby");
 
     page.act("tilt 1");
-    page.wait("frame", |frame| {
-        frame["attitude_deg"][1]
-            .as_f64()
-            .is_some_and(|deg| deg > 55.0)
-    });
+    page.wait("frame", |frame| frame["attitude_deg"][1].as_f64().is_some_and(|deg| deg > 55.0));
     let said = page.refused("arm", Value::Null);
     assert!(said.contains("refused"), "{said}");
     page.act("tilt 0.3");
-    page.wait("frame", |frame| {
-        frame["attitude_deg"][1]
-            .as_f64()
-            .is_some_and(|deg| deg < 18.0)
-    });
+    page.wait("frame", |frame| frame["attitude_deg"][1].as_f64().is_some_and(|deg| deg < 18.0));
 
     page.arm();
     page.press("release");
@@ -132,9 +124,5 @@ fn a_shell_acts_on_the_rig_too() {
     drop(rig);
     let gone = tell(&["state"]);
     assert_eq!(gone.status.code(), Some(1));
-    assert!(
-        said(&gone).contains("no rig with --link"),
-        "{}",
-        said(&gone)
-    );
+    assert!(said(&gone).contains("no rig with --link"), "{}", said(&gone));
 }

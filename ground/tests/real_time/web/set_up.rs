@@ -10,14 +10,10 @@ use super::parameter;
 
 /// Begins a step as soon as the vehicle is heard.
 fn begin(page: &Page, step: &str) {
-    page.wait("condition", |now| {
-        now["connected"] == true && now["in_operation"] == false
-    });
+    page.wait("condition", |now| now["connected"] == true && now["in_operation"] == false);
     let answer = page.give("set-up", json!({ "step": step }), 0);
     assert!(answer["error"].is_null(), "{step}: {answer}");
-    page.wait("set_up", |now| {
-        now["step"] == step && now["running"] == true
-    });
+    page.wait("set_up", |now| now["step"] == step && now["running"] == true);
 }
 
 /// The number of the question with these words, which was not asked before.
@@ -60,10 +56,7 @@ fn a_nano_out_of_its_box_is_set_up_and_released_from_the_page_alone() {
 
     begin(&page, "sensors");
     let declination = "Magnetic declination";
-    answer(
-        &page,
-        &[(declination, "north"), (declination, "55.79, 12.52")],
-    );
+    answer(&page, &[(declination, "north"), (declination, "55.79, 12.52")]);
     // Each has its own patience: a busy machine runs the rig slower than real time.
     for line in [
         "a place such as 55.79,12.52",
@@ -144,9 +137,7 @@ fn see_the_rudder_answer(page: &Page) -> (u64, f64) {
 }
 
 fn assert_at_neutral(page: &Page, neutral: f64) {
-    page.wait("frame", |frame| {
-        (frame["pulse_us"].as_f64().unwrap() - neutral).abs() < 2.0
-    });
+    page.wait("frame", |frame| (frame["pulse_us"].as_f64().unwrap() - neutral).abs() < 2.0);
 }
 
 #[test]
@@ -206,10 +197,7 @@ fn a_servo_that_nobody_agrees_to_stays_as_it_was() {
     let server = Server::of(&port, folder.path());
     let page = server.page();
     begin(&page, "servo");
-    answer(
-        &page,
-        &[("hangs straight down", "1450"), ("hangs straight down", "")],
-    );
+    answer(&page, &[("hangs straight down", "1450"), ("hangs straight down", "")]);
     // The servo holds the pulse that the next question is about.
     question(&page, "Horn at 1750 us", 0);
     page.wait("frame", |frame| frame["pulse_us"] == 1750);
@@ -226,9 +214,7 @@ fn a_servo_that_nobody_agrees_to_stays_as_it_was() {
     let now = end(&page);
     assert_eq!(now["met"], false, "{now}");
     assert_eq!(now["ending"], "the vehicle is as it was");
-    page.wait("frame", |frame| {
-        (frame["pulse_us"].as_f64().unwrap() - before).abs() < 2.0
-    });
+    page.wait("frame", |frame| (frame["pulse_us"].as_f64().unwrap() - before).abs() < 2.0);
     page.wait_for_parameter("SRV_CENTRE_US", before);
     page.wait_for_parameter("SRV_POLARITY", 1.0);
 }

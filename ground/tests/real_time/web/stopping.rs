@@ -10,15 +10,7 @@ use crate::running::tvc;
 
 /// What another program hears of the vehicle.
 fn status(port: &Path) -> Value {
-    let options = [
-        "monitor",
-        "--json",
-        "--every",
-        "0.2",
-        "--seconds",
-        "1.5",
-        "--port",
-    ];
+    let options = ["monitor", "--json", "--every", "0.2", "--seconds", "1.5", "--port"];
     let output = tvc(&[&options[..], &[port.to_str().unwrap()]].concat());
     let text = String::from_utf8(output.stdout).unwrap();
     serde_json::from_str(text.lines().last().expect("a status")).unwrap()
@@ -37,10 +29,9 @@ fn an_order_that_was_held_back_is_refused_and_a_stop_is_not() {
     let server = Server::of(&port, folder.path());
     let page = server.page();
     page.arm();
-    for (order, fields) in [
-        ("release", Value::Null),
-        ("set", json!({ "name": "PID_KP", "value": 2 })),
-    ] {
+    for (order, fields) in
+        [("release", Value::Null), ("set", json!({ "name": "PID_KP", "value": 2 }))]
+    {
         let answer = page.give(order, fields, 1_500);
         let error = answer["error"].as_str().unwrap();
         assert!(error.contains("s old"), "{error}");
@@ -66,9 +57,7 @@ fn a_stop_of_a_vehicle_with_a_fault_is_answered() {
     release(&page);
     page.wait_for("failsafe");
     let answer = page.give("stop", Value::Null, 0);
-    let note = answer["note"]
-        .as_str()
-        .unwrap_or_else(|| panic!("{answer}"));
+    let note = answer["note"].as_str().unwrap_or_else(|| panic!("{answer}"));
     assert!(note.contains("neutral; the fault stays: IMU"), "{note}");
     let said = server.end("TERM");
     assert!(said.contains("the fault stays: IMU"), "{said}");
@@ -100,10 +89,7 @@ fn a_program_that_is_told_to_end_disarms_first() {
         release(&page);
         let begun = Instant::now();
         let said = server.end(name);
-        assert!(
-            said.contains("the vehicle has been disarmed"),
-            "{name}: {said}"
-        );
+        assert!(said.contains("the vehicle has been disarmed"), "{name}: {said}");
         assert!(begun.elapsed() < Duration::from_secs(2), "{name}");
         assert_eq!(status(&port)["state"], "standby", "{name}");
     }

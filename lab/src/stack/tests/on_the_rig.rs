@@ -64,11 +64,7 @@ fn every_branch_of_a_run_was_followed() {
     for (from, targets) in branches(&image) {
         // An exception is no branch: it comes from any instruction, and goes back to any.
         for to in targets.difference(&entries) {
-            assert!(
-                code.contains(to),
-                "0x{from:x} to 0x{to:x} in {}",
-                program.name(*to)
-            );
+            assert!(code.contains(to), "0x{from:x} to 0x{to:x} in {}", program.name(*to));
             if let Some(known) = known.get(&from).filter(|_| program.is_entry(*to)) {
                 assert!(known.contains(to), "0x{from:x} to {}", program.name(*to));
                 sites += 1;

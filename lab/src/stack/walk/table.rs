@@ -96,10 +96,7 @@ impl Tables {
 
     /// Jumps whose table has no entry.
     pub fn empty(&self) -> impl Iterator<Item = u32> {
-        let empty = self
-            .jumps
-            .iter()
-            .filter(|(_, jump)| jump.targets.is_empty());
+        let empty = self.jumps.iter().filter(|(_, jump)| jump.targets.is_empty());
         empty.map(|((_, at), _)| *at)
     }
 
@@ -118,11 +115,7 @@ impl Jump {
         data: &BTreeSet<u32>,
         program: &Program,
     ) -> Option<u32> {
-        let Table {
-            address,
-            width,
-            shift,
-        } = self.table;
+        let Table { address, width, shift } = self.table;
         let at = address + width * self.targets.len() as u32;
         let halves = (at & !1..at + width).step_by(2);
         let is_own = |half: u32| half < at && half >= address & !1 && at > address;

@@ -63,15 +63,8 @@ pub fn drone(bytes: &[u8], _: u64) -> Outcome {
         return Ok(());
     };
     let again = Setup::parse(&setup.to_toml());
-    expect(
-        again.as_ref() == Ok(&setup),
-        "what it writes is not what it reads",
-    )?;
-    let Setup {
-        drone,
-        servo,
-        timing,
-    } = setup;
+    expect(again.as_ref() == Ok(&setup), "what it writes is not what it reads")?;
+    let Setup { drone, servo, timing } = setup;
     if let Ok(mut pitch_loop) = PitchLoop::new(&drone, servo, timing, 0.1, 0.0) {
         pitch_loop.step(|measurement| measurement.pitch_rad);
     }

@@ -9,10 +9,7 @@ use rig::Image;
 pub fn image(bytes: &[u8], _: u64) -> Outcome {
     if let Some(mut symbols) = usable(Symbols::read(bytes))? {
         for address in (0x2000..0x2400).step_by(2) {
-            super::expect(
-                !symbols.path(address).is_empty(),
-                "an address in no function",
-            )?;
+            super::expect(!symbols.path(address).is_empty(), "an address in no function")?;
         }
     }
     let Ok(image) = Image::parse("input", bytes) else {

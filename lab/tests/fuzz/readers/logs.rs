@@ -75,10 +75,7 @@ fn as_mcap(bytes: &[u8], log: &Log) -> Outcome {
     };
     let back = written().map_err(|error| format!("{error:#}"))?;
     let entries = back.entries.len();
-    expect(
-        entries == log.entries.len(),
-        "the other form has other messages",
-    )
+    expect(entries == log.entries.len(), "the other form has other messages")
 }
 
 /// When a log begins and ends, its releases and its parts, and the samples in it.
@@ -100,9 +97,6 @@ pub fn parts(bytes: &[u8], number: u64) -> Outcome {
     let begin_us = part.first().map_or(0, |frame| frame.0);
     let whole = |frame: &Vec<u8>| Wire::frame_length(frame) == Some(frame.len());
     let known = cut::known(bytes, begin_us, part);
-    expect(
-        known.iter().all(whole),
-        "what stands before a part is no frame",
-    )?;
+    expect(known.iter().all(whole), "what stands before a part is no frame")?;
     with_file(bytes, "tlog", recordings::as_table)
 }

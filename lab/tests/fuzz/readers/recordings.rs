@@ -46,11 +46,7 @@ fn fused(path: &Path, number: u64) -> Outcome {
     let choice = Choice {
         filter: FILTERS[filter],
         scalar: kinds[kind],
-        mode: if number.is_multiple_of(2) {
-            Mode::NineD
-        } else {
-            Mode::SixD
-        },
+        mode: if number.is_multiple_of(2) { Mode::NineD } else { Mode::SixD },
         settings: Vec::new(),
     };
     let Ok(mut estimate) = Estimate::new(&choice, source.facts()) else {

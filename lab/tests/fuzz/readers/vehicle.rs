@@ -33,11 +33,7 @@ struct Fed {
 impl Fed {
     fn link(bytes: &[u8]) -> Link {
         let bytes = bytes.to_vec();
-        Link::at(Self {
-            bytes,
-            at: 0,
-            now: Duration::ZERO,
-        })
+        Link::at(Self { bytes, at: 0, now: Duration::ZERO })
     }
 }
 
@@ -126,9 +122,7 @@ pub fn recorder(bytes: &[u8], _: u64) -> Outcome {
 pub fn station(bytes: &[u8], number: u64) -> Outcome {
     let shown = Ipv4Addr::new(192, 0, 2, 20);
     let from = [Ipv4Addr::LOCALHOST, shown, Ipv4Addr::new(192, 0, 2, 66)][number as usize % 3];
-    let key = number
-        .is_multiple_of(5)
-        .then(|| Signing::parse(KEY).unwrap());
+    let key = number.is_multiple_of(5).then(|| Signing::parse(KEY).unwrap());
     let has_key = key.is_some();
     let mut gate = Gate::new(Admission::default(), shown.into(), key);
     let admitted = gate.incoming(bytes, from.into());

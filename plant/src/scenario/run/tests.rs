@@ -15,10 +15,7 @@ fn zero_force_is_no_motion() {
     let rows = run("seconds = 3.0\n[drone]\nthrust_n = 0\ngravity_m_s2 = 0\n\
                     [start]\npitch_rad = 0.3\ncrank_rad = 0.1");
     assert_eq!(rows.len(), 601);
-    assert!(
-        rows.iter()
-            .all(|r| r.theta0 == 0.3 && r.theta1 == 0.1 && r.w0 == 0.0)
-    );
+    assert!(rows.iter().all(|r| r.theta0 == 0.3 && r.theta1 == 0.1 && r.w0 == 0.0));
 }
 
 /// Thesis figure 5.12 shows an unbounded fall. With gravity that turns with the drone it is a
@@ -26,9 +23,7 @@ fn zero_force_is_no_motion() {
 #[test]
 fn gravity_only_is_what_the_centre_of_mass_makes_it() {
     let gravity_only = |drone: &str, pitch: f64| {
-        run(&format!(
-            "seconds = 5.0\n[drone]\nthrust_n = 0\n{drone}\n[start]\npitch_rad = {pitch}"
-        ))
+        run(&format!("seconds = 5.0\n[drone]\nthrust_n = 0\n{drone}\n[start]\npitch_rad = {pitch}"))
     };
     let balanced = gravity_only("", 0.1);
     assert!((last(&balanced).theta0 - 0.096).abs() < 1e-3);
@@ -44,16 +39,8 @@ fn gravity_only_is_what_the_centre_of_mass_makes_it() {
 fn thrust_and_torque_tumble_the_drone() {
     let rows = run("seconds = 2.0\n[drone]\ncrank_friction_n_m_s = 0.02\n\
                     [input]\ntorque_n_m = 0.1");
-    assert!(
-        (last(&rows).theta1 - 0.263).abs() < 0.002,
-        "{:?}",
-        last(&rows)
-    );
-    assert!(
-        (last(&rows).theta0 + 16.29).abs() < 0.05,
-        "{:?}",
-        last(&rows)
-    );
+    assert!((last(&rows).theta1 - 0.263).abs() < 0.002, "{:?}", last(&rows));
+    assert!((last(&rows).theta0 + 16.29).abs() < 0.05, "{:?}", last(&rows));
     // The motor's 6 V are 0.3104 N m: more than the wash can hold, only a stop does.
     let against_stop = |damping: f64| {
         run(&format!(
@@ -99,10 +86,7 @@ fn prescribed_and_free_runs_agree() {
         [input]\nideal_servo = { kp = 1.0, kd = 0.3, stiffness = 900, damping = 60 }");
     let points = free.iter().map(|r| [r.t, r.theta1]).collect();
     let mut scenario = Scenario::parse("seconds = 0.5\n[start]\npitch_rad = 0.1").unwrap();
-    scenario.input = Input::CrankRad(Signal::Table(Table {
-        points,
-        between: None,
-    }));
+    scenario.input = Input::CrankRad(Signal::Table(Table { points, between: None }));
     let pitch = last(&scenario.run().unwrap()).theta0;
     // The table's first rate comes from its points, and is off by some mrad/s.
     assert!((pitch - last(&free).theta0).abs() < 2e-5);
@@ -126,10 +110,7 @@ fn held_loads_jump_on_their_points() {
         "seconds = 0.4\n{quiet}[loads]\n\
          thrust_n = {{ points = [[0, 0], [0.2, 30]], between = \"hold\" }}"
     ));
-    let first = run(&format!(
-        "seconds = 0.2\n{}",
-        quiet.replace("[0, 0]", "[0, 0]\nthrust_n = 0")
-    ));
+    let first = run(&format!("seconds = 0.2\n{}", quiet.replace("[0, 0]", "[0, 0]\nthrust_n = 0")));
     let middle = last(&first);
     assert!((whole[40].theta0 - middle.theta0).abs() < 1e-12);
     let mut second = Scenario::parse(&format!("seconds = 0.2\n{quiet}")).unwrap();
@@ -151,9 +132,7 @@ fn held_loads_jump_on_their_points() {
 fn an_external_moment_turns_the_drone() {
     let rows = run("seconds = 1\n[drone]\nthrust_n = 0\ngravity_m_s2 = 0\n\
         [input]\ncrank_rad = 0.2\n[loads]\npitch_moment_n_m = 0.05");
-    let at = Mechanism::new(&crate::Parameters::PHYS)
-        .unwrap()
-        .configuration(0.2);
+    let at = Mechanism::new(&crate::Parameters::PHYS).unwrap().configuration(0.2);
     assert!((last(&rows).theta0 - 0.5 * 0.05 / at.m00).abs() < 1e-10);
     let free = run("seconds = 1\n[drone]\nthrust_n = 0\n[loads]\n\
         pitch_moment_n_m = { amplitude = 0.05, period_s = 0.5 }");
@@ -173,10 +152,7 @@ fn a_torque_law_closes_the_loop() {
 
 #[test]
 fn servos_follow_a_command() {
-    for servo in [
-        "ideal_servo = { stiffness = 900, damping = 60,",
-        "pulse_servo = {",
-    ] {
+    for servo in ["ideal_servo = { stiffness = 900, damping = 60,", "pulse_servo = {"] {
         let rows = run(&format!(
             "seconds = 0.6\n[drone]\nthrust_n = 0\n[input]\n{servo} command_rad = 0.3 }}"
         ));
@@ -222,17 +198,11 @@ fn mistakes_are_named() {
     let order = "seconds = 1\n[input]\ntorque_n_m = [[1, 0], [0, 1]]";
     assert!(refusal(order).contains("[input] torque_n_m") && refusal(order).contains("point 2"));
     let path = refusal("seconds = 1\n[input]\ntorque_n_m = { amplitude = 1 }");
-    assert!(
-        path.contains("period_s") && path.contains("torque_n_m"),
-        "{path}"
-    );
+    assert!(path.contains("period_s") && path.contains("torque_n_m"), "{path}");
     let path = refusal("seconds = 1\n[loads]\nthrust_n = [[0, 1], [0, 2]]");
     assert!(path.contains("[loads] thrust_n"), "{path}");
     let path = refusal("seconds = 1\n[input]\ntorque_n_m = true");
-    assert!(
-        path.contains("boolean") && path.contains("torque_n_m"),
-        "{path}"
-    );
+    assert!(path.contains("boolean") && path.contains("torque_n_m"), "{path}");
     assert!(refusal("seconds = 1\n[input]\nideal_servo = { kp = 1 }").contains("stiffness"));
     assert!(
         refusal("seconds = 1\n[start]\ncrank_rad = 1\n[input]\ncrank_rad = 0")

@@ -38,24 +38,9 @@ fn linkage(p: &Parameters, axis: usize, crank_rad: f64) -> Vec<Point> {
     let servo = pin + Vector2::new(p.ground_length_m, 0.0);
     let joint = servo + p.crank_length_m * u1;
     let rods = [
-        (
-            p.crank_mass_kg,
-            p.crank_inertia_kg_m2,
-            servo + p.crank_cm_m * u1,
-            u1,
-        ),
-        (
-            p.link_mass_kg,
-            p.link_inertia_kg_m2,
-            joint + 0.5 * p.link_length_m * u2,
-            u2,
-        ),
-        (
-            p.rudder_mass_kg,
-            p.rudder_inertia_kg_m2,
-            pin + p.rudder_cm_m * u3,
-            u3,
-        ),
+        (p.crank_mass_kg, p.crank_inertia_kg_m2, servo + p.crank_cm_m * u1, u1),
+        (p.link_mass_kg, p.link_inertia_kg_m2, joint + 0.5 * p.link_length_m * u2, u2),
+        (p.rudder_mass_kg, p.rudder_inertia_kg_m2, pin + p.rudder_cm_m * u3, u3),
     ];
     rods.into_iter()
         .flat_map(|(mass, inertia, at, along)| {
@@ -67,10 +52,7 @@ fn linkage(p: &Parameters, axis: usize, crank_rad: f64) -> Vec<Point> {
 
 /// Second moments about the pivot, kg m2.
 fn second_moments(points: &[Point]) -> Matrix3<f64> {
-    points
-        .iter()
-        .map(|(mass, at)| *mass * at * at.transpose())
-        .sum()
+    points.iter().map(|(mass, at)| *mass * at * at.transpose()).sum()
 }
 
 fn first_moment(points: &[Point]) -> Vector3<f64> {
@@ -126,16 +108,9 @@ impl Motion {
     fn points(&self, parameters: &TwoAxisParameters, body: &[Point], time_s: f64) -> Vec<Point> {
         let attitude = self.attitude_at(time_s);
         let linkages = [0, 1].map(|axis| {
-            let Crank {
-                angle_rad,
-                rate_rad_s,
-            } = self.cranks[axis];
+            let Crank { angle_rad, rate_rad_s } = self.cranks[axis];
             let bend = 0.5 * self.crank_acc_rad_s2[axis] * time_s * time_s;
-            linkage(
-                &parameters.one_axis,
-                axis,
-                angle_rad + rate_rad_s * time_s + bend,
-            )
+            linkage(&parameters.one_axis, axis, angle_rad + rate_rad_s * time_s + bend)
         });
         body.iter()
             .chain(linkages.iter().flatten())
@@ -195,11 +170,8 @@ fn vector(reach: f64) -> impl Strategy<Value = Vector3<f64>> {
 }
 
 fn figures() -> impl Strategy<Value = TwoAxisParameters> {
-    let spin = prop_oneof![
-        Just(Spin::Free),
-        Just(Spin::Held),
-        (-0.1..0.1_f64).prop_map(Spin::Moment)
-    ];
+    let spin =
+        prop_oneof![Just(Spin::Free), Just(Spin::Held), (-0.1..0.1_f64).prop_map(Spin::Moment)];
     let small = proptest::array::uniform5(-0.01..0.01_f64);
     (spin, small, 0.0..0.05_f64, -0.05..0.05_f64, 0.02..0.05_f64).prop_map(
         |(spin, [aside, crank, rudder, thrust, ahead], friction, rotor, axial)| TwoAxisParameters {

@@ -4,20 +4,11 @@ use super::*;
 use crate::bench::{BenchConfig, Environment, Wiring};
 use samd21::board::{Board, Ticks};
 
-const VIBRATION: Vibration = Vibration {
-    acc_m_s2: 5.0,
-    rate_dps: None,
-    frequency_hz: 180.0,
-    harmonics: 0,
-    wander_pct: 0.0,
-};
+const VIBRATION: Vibration =
+    Vibration { acc_m_s2: 5.0, rate_dps: None, frequency_hz: 180.0, harmonics: 0, wander_pct: 0.0 };
 
 fn environment(disturbances: Disturbances) -> Environment {
-    Environment::new(&BenchConfig {
-        disturbances,
-        ..BenchConfig::default()
-    })
-    .unwrap()
+    Environment::new(&BenchConfig { disturbances, ..BenchConfig::default() }).unwrap()
 }
 
 /// Pulses of `width_us` for 200 ms from the release on.
@@ -26,11 +17,7 @@ fn steered(mut environment: Environment, width_us: u64) -> Environment {
     for frame in 0..10 {
         let rise = Ticks::from_ms(20 * frame);
         environment.pin(rise, Wiring::NANO_33_IOT.servos[0], true);
-        environment.pin(
-            rise + Ticks::from_us(width_us),
-            Wiring::NANO_33_IOT.servos[0],
-            false,
-        );
+        environment.pin(rise + Ticks::from_us(width_us), Wiring::NANO_33_IOT.servos[0], false);
     }
     environment.advance(Ticks::from_ms(200));
     environment
@@ -44,19 +31,11 @@ fn crank_at(environment: &Environment, ms: u64) -> f64 {
 }
 
 fn stiff(volts: f64) -> SupplySag {
-    SupplySag {
-        volts,
-        stall_volts: None,
-        from_s: 0.0,
-        until_s: None,
-    }
+    SupplySag { volts, stall_volts: None, from_s: 0.0, until_s: None }
 }
 
 fn steered_on(servo_supply: Option<SupplySag>) -> Environment {
-    let disturbances = Disturbances {
-        servo_supply,
-        ..Disturbances::default()
-    };
+    let disturbances = Disturbances { servo_supply, ..Disturbances::default() };
     steered(environment(disturbances), 2150)
 }
 
@@ -78,10 +57,7 @@ fn a_servo_at_4_8_v_slews_at_four_fifths_of_its_speed() {
 /// start of a move most. At full speed it costs only what the load of the wash asks for.
 #[test]
 fn a_weak_supply_gives_way_to_the_servos_current() {
-    let weak = SupplySag {
-        stall_volts: Some(3.0),
-        ..stiff(6.0)
-    };
+    let weak = SupplySag { stall_volts: Some(3.0), ..stiff(6.0) };
     // The first pulse ends at 2.15 ms.
     let start = |supply| {
         let environment = steered_on(Some(supply));
@@ -97,10 +73,7 @@ fn a_weak_supply_gives_way_to_the_servos_current() {
 #[test]
 fn a_sensor_that_warms_up_drifts_from_power_on() {
     let bias_after = |temperature, ms| {
-        let mut environment = environment(Disturbances {
-            temperature,
-            ..Disturbances::default()
-        });
+        let mut environment = environment(Disturbances { temperature, ..Disturbances::default() });
         environment.advance(Ticks::from_ms(ms));
         environment.sensor.gyro_bias_rad_s()[1].to_degrees()
     };
@@ -119,12 +92,7 @@ fn a_sensor_that_warms_up_drifts_from_power_on() {
 
 #[test]
 fn a_sag_begins_and_ends() {
-    let sag = SupplySag {
-        volts: 4.5,
-        stall_volts: Some(3.0),
-        from_s: 0.1,
-        until_s: Some(0.3),
-    };
+    let sag = SupplySag { volts: 4.5, stall_volts: Some(3.0), from_s: 0.1, until_s: Some(0.3) };
     let shares = [0.0, 0.1, 0.299, 0.3].map(|s| sag.share(s, 0.0));
     assert_eq!(shares, [1.0, 0.75, 0.75, 1.0]);
     let shares = [0.0, 0.5, 1.0, 2.0].map(|current| sag.share(0.2, current));
@@ -144,23 +112,14 @@ fn half_the_thrust_turns_the_drone_half_as_fast() {
         (last.rate_rad_s, last.rudder_rad)
     };
     let (whole, rudder) = rate_after(None);
-    let held = ThrustRamp {
-        from_pct: 50.0,
-        seconds: 1e6,
-    };
+    let held = ThrustRamp { from_pct: 50.0, seconds: 1e6 };
     let (half, same_rudder) = rate_after(Some(held));
     assert!((rudder - same_rudder).abs() < 0.01);
     assert!((half / whole - 0.5).abs() < 0.03, "{half} of {whole}");
-    let ramp = ThrustRamp {
-        from_pct: 50.0,
-        seconds: 0.2,
-    };
+    let ramp = ThrustRamp { from_pct: 50.0, seconds: 0.2 };
     let (between, _) = rate_after(Some(ramp));
     assert!((0.6..0.95).contains(&(between / whole)), "{between}");
-    let at_once = ThrustRamp {
-        from_pct: 100.0,
-        seconds: 1.0,
-    };
+    let at_once = ThrustRamp { from_pct: 100.0, seconds: 1.0 };
     assert_eq!(rate_after(Some(at_once)).0, whole);
 }
 
@@ -202,10 +161,7 @@ fn passed(amplitude: f64, hz: f64) -> f64 {
 #[test]
 fn what_the_sensor_is_too_slow_for_arrives_as_an_alias() {
     for (frequency_hz, alias_hz) in [(180.0, 20.0), (101.0, 1.0)] {
-        let shaking = Vibration {
-            frequency_hz,
-            ..VIBRATION
-        };
+        let shaking = Vibration { frequency_hz, ..VIBRATION };
         let [alias, elsewhere] = shown(&shaking, [alias_hz, 30.0]);
         let passed = passed(5.0, frequency_hz);
         assert!((alias / passed - 1.0).abs() < 0.15, "{alias} of {passed}");
@@ -216,11 +172,7 @@ fn what_the_sensor_is_too_slow_for_arrives_as_an_alias() {
 /// 120 Hz and its second line at 240 Hz, half as strong, come out at 20 and 40 Hz.
 #[test]
 fn each_line_has_its_own_alias() {
-    let shaking = Vibration {
-        frequency_hz: 120.0,
-        harmonics: 1,
-        ..VIBRATION
-    };
+    let shaking = Vibration { frequency_hz: 120.0, harmonics: 1, ..VIBRATION };
     let [first, second] = shown(&shaking, [20.0, 40.0]);
     assert!((first / passed(5.0, 120.0) - 1.0).abs() < 0.15, "{first}");
     assert!((second / passed(2.5, 240.0) - 1.0).abs() < 0.15, "{second}");
@@ -239,11 +191,7 @@ fn a_vibration_turns_in_the_propellers_plane() {
 /// before and the others point back.
 #[test]
 fn harmonics_turn_faster_and_weaker() {
-    let shaking = Vibration {
-        frequency_hz: 100.0,
-        harmonics: 2,
-        ..VIBRATION
-    };
+    let shaking = Vibration { frequency_hz: 100.0, harmonics: 2, ..VIBRATION };
     let x = |turns: f64| shaking.at(turns / 100.0).0[0];
     assert!((x(0.0) - 8.75).abs() < 1e-9, "{}", x(0.0));
     assert!((x(0.5) + 3.75).abs() < 1e-9, "{}", x(0.5));
@@ -253,11 +201,7 @@ fn harmonics_turn_faster_and_weaker() {
 /// 200 Hz, comes near both ends in a minute, and is 200 Hz on the whole.
 #[test]
 fn a_wandering_propeller_keeps_its_mean_speed() {
-    let shaking = Vibration {
-        frequency_hz: 200.0,
-        wander_pct: 10.0,
-        ..VIBRATION
-    };
+    let shaking = Vibration { frequency_hz: 200.0, wander_pct: 10.0, ..VIBRATION };
     let angle = |time_s: f64| {
         let (force, _) = shaking.at(time_s);
         force[1].atan2(force[0])
@@ -294,12 +238,7 @@ fn disturbances_have_units_and_ranges() {
     assert_eq!((ramp.share(0.0), ramp.seconds), (0.4, 0.5));
     let warm = temperature("20,45,60").unwrap();
     assert_eq!((warm.from_c, warm.to_c), (20.0, 45.0));
-    let drift = |text| {
-        temperature(text)
-            .unwrap()
-            .of(ImuErrors::NONE)
-            .gyro_drift_rad_s_k[2]
-    };
+    let drift = |text| temperature(text).unwrap().of(ImuErrors::NONE).gyro_drift_rad_s_k[2];
     assert!((drift("20,45,60").to_degrees() - 0.015).abs() < 1e-12);
     assert!((drift("20,45,60,-0.03").to_degrees() + 0.03).abs() < 1e-12);
     for bad in ["20,45", "20,200,60", "20,45,0", "20,45,60,NaN", "NaN,45,60"] {
@@ -358,10 +297,7 @@ fn a_report_leaves_no_default_open() {
     assert!((report.vibration.unwrap().rate_dps.unwrap() - 2.53).abs() < 0.01);
     assert_eq!(report.servo_supply.unwrap().stall_volts, Some(4.8));
     let rows = [
-        (
-            "propeller vibration",
-            "5 m/s2 and 2.5 deg/s at 180 Hz".to_owned(),
-        ),
+        ("propeller vibration", "5 m/s2 and 2.5 deg/s at 180 Hz".to_owned()),
         ("servo supply", "4.8 V from 0 s on".to_owned()),
     ];
     assert_eq!(disturbances.rows(), rows);

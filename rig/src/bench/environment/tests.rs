@@ -28,10 +28,7 @@ fn nose_up_the_sensor_feels_what_holds_it() {
     let level = on_drone(&environment, 0.0, 0.0);
     near(level.specific_force_m_s2, [0.0, 0.0, -9.81]);
     let up = on_drone(&environment, std::f64::consts::FRAC_PI_6, 0.2);
-    near(
-        up.specific_force_m_s2,
-        [4.905, 0.0, -9.81 * 0.75_f64.sqrt()],
-    );
+    near(up.specific_force_m_s2, [4.905, 0.0, -9.81 * 0.75_f64.sqrt()]);
     near(up.rate_rad_s, [0.0, 0.2, 0.0]);
 }
 
@@ -42,10 +39,7 @@ fn the_field_is_that_of_copenhagen() {
         ..BenchConfig::default()
     });
     // Nose to magnetic north, level: nothing to the right, 17.1 uT ahead, 47 uT down.
-    near(
-        on_drone(&north, 0.0, 0.0).field_ut,
-        [17.101_007_166, 0.0, 46.984_631_039],
-    );
+    near(on_drone(&north, 0.0, 0.0).field_ut, [17.101_007_166, 0.0, 46.984_631_039]);
     // Nose straight up along -down: the strong part lies on -x.
     let up = on_drone(&north, std::f64::consts::FRAC_PI_2, 0.0);
     near(up.field_ut, [-46.984_631_039, 0.0, 17.101_007_166]);
@@ -57,14 +51,8 @@ fn attitude_agrees_with_the_vectors() {
     let environment = environment(BenchConfig::default());
     for pitch in [-1.0, 0.0, 0.3, 0.8] {
         let felt = on_drone(&environment, pitch, 0.0);
-        near(
-            rotate(felt.attitude, felt.specific_force_m_s2),
-            [0.0, 0.0, 9.81],
-        );
-        near(
-            rotate(felt.attitude, felt.field_ut),
-            [0.0, 17.101_007_166, -46.984_631_039],
-        );
+        near(rotate(felt.attitude, felt.specific_force_m_s2), [0.0, 0.0, 9.81]);
+        near(rotate(felt.attitude, felt.field_ut), [0.0, 17.101_007_166, -46.984_631_039]);
     }
 }
 
@@ -92,10 +80,7 @@ fn the_clamp_holds_tilts_and_lets_go() {
 
 #[test]
 fn the_sensor_is_taken_off_turned_and_put_back() {
-    let mut environment = environment(BenchConfig {
-        start_rad: 0.3,
-        ..BenchConfig::default()
-    });
+    let mut environment = environment(BenchConfig { start_rad: 0.3, ..BenchConfig::default() });
     environment.advance(Ticks::from_ms(100));
     let on_the_drone = on_drone(&environment, 0.3, 0.0);
     environment.move_sensor(SensorMotion::To(resting(Face::NoseUp), 0.5));
@@ -136,10 +121,7 @@ fn faults_come_and_go_after_each_release() {
         environment.advance(Ticks::from_ms(ms));
         environment.sensor.held_low(Ticks::from_ms(ms)).scl
     };
-    assert!(
-        !stuck(&mut environment, 100),
-        "in the clamp nothing happens"
-    );
+    assert!(!stuck(&mut environment, 100), "in the clamp nothing happens");
     environment.release(0.0);
     let seen = [119, 121, 149, 151].map(|ms| stuck(&mut environment, ms));
     assert_eq!(seen, [false, true, true, false]);
@@ -215,11 +197,7 @@ fn a_pulse_turns_the_servo_and_pitches_the_drone() {
     for frame in 0..25 {
         let rise = Ticks::from_ms(20 * frame);
         environment.pin(rise, Wiring::NANO_33_IOT.servos[0], true);
-        environment.pin(
-            rise + Ticks::from_us(1723),
-            Wiring::NANO_33_IOT.servos[0],
-            false,
-        );
+        environment.pin(rise + Ticks::from_us(1723), Wiring::NANO_33_IOT.servos[0], false);
     }
     environment.advance(Ticks::from_ms(500));
     assert!(
@@ -248,10 +226,8 @@ fn the_horn_is_fitted_at_1523_6() {
 /// Then the rate stays, and 0.025 m/s2 upwards remain.
 #[test]
 fn a_sensor_off_the_pivot_feels_how_the_drone_moves() {
-    let mut environment = environment(BenchConfig {
-        lever_m: [0.0, 0.0, 0.1],
-        ..BenchConfig::default()
-    });
+    let mut environment =
+        environment(BenchConfig { lever_m: [0.0, 0.0, 0.1], ..BenchConfig::default() });
     let felt = |environment: &Environment| {
         let mut level = environment.clone();
         level.vehicle.clamp([0.0; 2]);

@@ -38,10 +38,7 @@ enum Kind {
     /// One of these names, and what it sets.
     Choice(&'static [(&'static str, Set)]),
     /// Anything else: how it is set and shown.
-    Own(
-        fn(&mut Hardware, &str) -> Result<(), String>,
-        fn(&Hardware) -> String,
-    ),
+    Own(fn(&mut Hardware, &str) -> Result<(), String>, fn(&Hardware) -> String),
 }
 use Kind::{Choice, Hold, Number, Own, Time};
 
@@ -190,11 +187,7 @@ impl Key {
             Hold(field) => {
                 let (least, most) = field(&mut copy).clone().into_inner();
                 let several = format!("{least}..{most}");
-                if least == most {
-                    least.to_string()
-                } else {
-                    several
-                }
+                if least == most { least.to_string() } else { several }
             }
             Choice(all) => {
                 let found = all.iter().find(|(_, choose)| {
@@ -219,12 +212,10 @@ where
     T: FromStr + PartialOrd + Display,
 {
     let number = text.trim().parse().ok();
-    number
-        .filter(|number| limits.contains(number))
-        .ok_or_else(|| {
-            let (least, most) = (limits.start(), limits.end());
-            format!("`{text}` is no number from {least} to {most}")
-        })
+    number.filter(|number| limits.contains(number)).ok_or_else(|| {
+        let (least, most) = (limits.start(), limits.end());
+        format!("`{text}` is no number from {least} to {most}")
+    })
 }
 
 fn range(text: &str) -> Result<RangeInclusive<u64>, String> {
@@ -237,10 +228,7 @@ fn range(text: &str) -> Result<RangeInclusive<u64>, String> {
 }
 
 fn drift(hardware: &mut Hardware, text: &str) -> Result<(), String> {
-    put(
-        &mut hardware.chip.dfll_drift_ppm_s,
-        number(text, -1000..=1000),
-    )
+    put(&mut hardware.chip.dfll_drift_ppm_s, number(text, -1000..=1000))
 }
 
 fn rare(hardware: &mut Hardware, text: &str) -> Result<(), String> {
@@ -254,9 +242,7 @@ fn rare(hardware: &mut Hardware, text: &str) -> Result<(), String> {
 
 fn shown_rare(hardware: &Hardware) -> String {
     let rare = hardware.sensor.bus.stretch_rare;
-    rare.map_or("none".into(), |rare| {
-        format!("{}@{}", rare.us, rare.probability)
-    })
+    rare.map_or("none".into(), |rare| format!("{}@{}", rare.us, rare.probability))
 }
 
 fn slow_clock(hardware: &mut Hardware, text: &str) -> Result<(), String> {
@@ -274,9 +260,7 @@ fn shown_slow_clock(hardware: &Hardware) -> String {
 fn three(text: &str, limits: [RangeInclusive<f64>; 3]) -> Result<[f64; 3], String> {
     let parts: Vec<&str> = text.split('/').collect();
     let (&[x, y, z], [in_x, in_y, in_z]) = (parts.as_slice(), limits) else {
-        return Err(format!(
-            "`{text}` is not three numbers with slashes between them"
-        ));
+        return Err(format!("`{text}` is not three numbers with slashes between them"));
     };
     Ok([number(x, in_x)?, number(y, in_y)?, number(z, in_z)?])
 }
@@ -286,11 +270,7 @@ fn refresh(hardware: &mut Hardware, text: &str) -> Result<(), String> {
         None
     } else {
         let [acc_hz, gyr_hz, mag_hz] = three(text, [10.0..=200.0, 10.0..=200.0, 1.0..=100.0])?;
-        Some(RefreshRates {
-            acc_hz,
-            gyr_hz,
-            mag_hz,
-        })
+        Some(RefreshRates { acc_hz, gyr_hz, mag_hz })
     };
     Ok(())
 }

@@ -8,27 +8,16 @@ use samd21::usb_host::System;
 
 #[test]
 fn settings_change_what_they_name_and_nothing_else() {
-    let hardware: Hardware = "stop-read=160..200,stretch=210,address=0x29,stretch-rare=500@0.01"
-        .parse()
-        .unwrap();
+    let hardware: Hardware =
+        "stop-read=160..200,stretch=210,address=0x29,stretch-rare=500@0.01".parse().unwrap();
     let bus = BusTiming {
         stretch_us: 210..=210,
-        stretch_rare: Some(RareStretch {
-            us: 500,
-            probability: 0.01,
-        }),
+        stretch_rare: Some(RareStretch { us: 500, probability: 0.01 }),
         stop_read_us: 160..=200,
         ..BusTiming::default()
     };
-    let sensor = bno055::Config {
-        address: 0x29,
-        bus,
-        ..bno055::Config::default()
-    };
-    let expected = Hardware {
-        sensor,
-        ..Hardware::default()
-    };
+    let sensor = bno055::Config { address: 0x29, bus, ..bno055::Config::default() };
+    let expected = Hardware { sensor, ..Hardware::default() };
     assert_eq!(hardware, expected);
 }
 
@@ -53,9 +42,7 @@ fn the_chip_gets_what_is_set() {
 
 #[test]
 fn the_slow_oscillator_follows_the_seed() {
-    let drawn: Vec<Options> = (0..100)
-        .map(|seed| Hardware::default().chip(seed))
-        .collect();
+    let drawn: Vec<Options> = (0..100).map(|seed| Hardware::default().chip(seed)).collect();
     assert_eq!(drawn[7], Hardware::default().chip(7));
     let spread = |of: fn(&Options) -> f64, least: f64, most: f64| {
         let all = || drawn.iter().map(of);
@@ -100,10 +87,7 @@ fn the_page_of_the_documentation_has_the_table() {
     if std::env::var_os("HARDWARE").is_some_and(|value| value == "overwrite") {
         std::fs::write(path, &wanted).unwrap();
     } else {
-        assert_eq!(
-            page, wanted,
-            "HARDWARE=overwrite cargo test -p rig writes it anew"
-        );
+        assert_eq!(page, wanted, "HARDWARE=overwrite cargo test -p rig writes it anew");
     }
 }
 
@@ -139,27 +123,16 @@ fn settings_of_the_sensor_reach_the_bench() {
     let sensor = bench.sensor;
     assert_eq!(sensor.late_registers, Ticks::from_ms(20));
     assert_eq!(sensor.lost_within, Ticks::from_ms(5));
-    let rates = RefreshRates {
-        acc_hz: 62.5,
-        gyr_hz: 80.0,
-        mag_hz: 20.0,
-    };
+    let rates = RefreshRates { acc_hz: 62.5, gyr_hz: 80.0, mag_hz: 20.0 };
     assert_eq!(sensor.refresh, Some(rates));
     assert_eq!(sensor.magnetometer.age, Ticks::from_ms(30));
     assert_eq!(sensor.magnetometer.health, MagnetometerHealth::Dead);
     assert_eq!(sensor.clock_error, 0.03);
     let typical = crate::bno055::ImuErrors::TYPICAL;
-    assert_eq!(
-        sensor.errors.gyro_noise_density,
-        3.0 * typical.gyro_noise_density
-    );
+    assert_eq!(sensor.errors.gyro_noise_density, 3.0 * typical.gyro_noise_density);
     assert_eq!(sensor.errors.mag_noise_ut, 3.0 * typical.mag_noise_ut);
     let per_g = sensor.errors.gyro_per_g_rad_s;
-    assert!(
-        per_g
-            .iter()
-            .all(|shift| (shift.to_degrees() - 0.1).abs() < 1e-12)
-    );
+    assert!(per_g.iter().all(|shift| (shift.to_degrees() - 0.1).abs() < 1e-12));
 }
 
 /// What nobody sets is as on a bench without any hardware.
@@ -167,10 +140,7 @@ fn settings_of_the_sensor_reach_the_bench() {
 fn the_default_changes_nothing() {
     let mut bench = BenchConfig::default();
     Hardware::default().fit(&mut bench);
-    assert_eq!(
-        format!("{bench:?}"),
-        format!("{:?}", BenchConfig::default())
-    );
+    assert_eq!(format!("{bench:?}"), format!("{:?}", BenchConfig::default()));
 }
 
 #[test]
@@ -194,14 +164,10 @@ fn what_is_impossible_is_refused() {
 
 #[test]
 fn the_parts_get_what_is_set() {
-    let hardware: Hardware = "jumper=no,flash-time=1.5,watchdog=dead,usb-loss=0.25"
-        .parse()
-        .unwrap();
+    let hardware: Hardware =
+        "jumper=no,flash-time=1.5,watchdog=dead,usb-loss=0.25".parse().unwrap();
     let options = hardware.chip(1);
-    assert_eq!(
-        (options.flash_time_percent, options.watchdog_bites),
-        (150, false)
-    );
+    assert_eq!((options.flash_time_percent, options.watchdog_bites), (150, false));
     assert_eq!((hardware.jumper, hardware.usb_loss), (false, 0.25));
     assert!("watchdog=slow".parse::<Hardware>().is_err());
 }

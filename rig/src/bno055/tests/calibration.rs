@@ -16,10 +16,7 @@ fn errors() -> ImuErrors {
 }
 
 fn fusing(mode: Mode, profile: &[(u8, [u8; 6])]) -> Bus {
-    let mut bus = Bus::new(Config {
-        errors: errors(),
-        ..Config::default()
-    });
+    let mut bus = Bus::new(Config { errors: errors(), ..Config::default() });
     bus.wait_ms(700);
     for (register, bytes) in profile {
         bus.write(*register, bytes);

@@ -29,8 +29,7 @@ fn faults_of_the_data() {
     fault(&mut bus, Fault::CorruptWords { probability: 1.0 });
     assert_eq!(bus.words(page0::ACC_DATA), [-1; 3]);
     assert_eq!(bus.byte(page0::CHIP_ID), 0xA0, "only data words suffer");
-    bus.chip
-        .clear(bus.now, Fault::CorruptWords { probability: 0.0 });
+    bus.chip.clear(bus.now, Fault::CorruptWords { probability: 0.0 });
     fault(&mut bus, Fault::Spikes { probability: 1.0 });
     assert_eq!(bus.words(page0::ACC_DATA)[2], 981 ^ i16::MIN);
     bus.chip.clear(bus.now, Fault::Spikes { probability: 0.0 });
@@ -62,15 +61,9 @@ fn faults_of_the_bus() {
     }
     assert!(!bus.chip.held_low(bus.now).sda);
 
-    let long = Fault::LongStretch {
-        stretch: Ticks::from_ms(5),
-        probability: 1.0,
-    };
+    let long = Fault::LongStretch { stretch: Ticks::from_ms(5), probability: 1.0 };
     bus.chip.inject(bus.now, long);
-    let start = I2cEvent::Start {
-        address: bus.chip.address(),
-        read: false,
-    };
+    let start = I2cEvent::Start { address: bus.chip.address(), read: false };
     assert!(bus.event(start).stretch > Ticks::from_ms(5));
 }
 
@@ -81,10 +74,7 @@ fn all_zero_keeps_its_mode_and_tells_an_error() {
     bus.wait_ms(50);
     assert_eq!(bus.read::<18>(page0::ACC_DATA), [0; 18]);
     assert_eq!(bus.byte(page0::OPR_MODE), Mode::Amg as u8);
-    assert_eq!(
-        bus.read::<2>(page0::SYS_STATUS),
-        [status::ERROR, error::PERIPHERAL_INIT]
-    );
+    assert_eq!(bus.read::<2>(page0::SYS_STATUS), [status::ERROR, error::PERIPHERAL_INIT]);
     bus.chip.clear(bus.now, Fault::AllZero);
     bus.wait_ms(50);
     assert_eq!(bus.words(page0::ACC_DATA), [0, 0, 981]);
@@ -125,13 +115,11 @@ fn a_hung_chip_needs_its_power_cut() {
 #[test]
 fn a_flipped_bit_is_one_bit_of_a_byte() {
     let mut bus = Bus::running(Mode::Amg);
-    bus.chip
-        .inject(bus.now, Fault::BitFlips { probability: 1.0 });
+    bus.chip.inject(bus.now, Fault::BitFlips { probability: 1.0 });
     for _ in 0..20 {
         assert_eq!((bus.byte(page0::CHIP_ID) ^ 0xA0).count_ones(), 1);
     }
-    bus.chip
-        .inject(bus.now, Fault::BitFlips { probability: 0.0 });
+    bus.chip.inject(bus.now, Fault::BitFlips { probability: 0.0 });
     assert_eq!(bus.byte(page0::CHIP_ID), 0xA0);
 }
 

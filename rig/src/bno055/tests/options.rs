@@ -3,10 +3,7 @@
 use super::*;
 
 fn late(ms: u64) -> Config {
-    Config {
-        late_registers: Ticks::from_ms(ms),
-        ..Config::default()
-    }
+    Config { late_registers: Ticks::from_ms(ms), ..Config::default() }
 }
 
 #[test]
@@ -57,10 +54,7 @@ fn a_reset_forgets_what_was_still_to_act() {
 /// A write that follows too soon is lost with all its bytes; reads in between change nothing.
 #[test]
 fn hasty_writes_are_lost() {
-    let mut bus = Bus::started_as(Config {
-        lost_within: Ticks::from_ms(5),
-        ..Config::default()
-    });
+    let mut bus = Bus::started_as(Config { lost_within: Ticks::from_ms(5), ..Config::default() });
     bus.write(page0::AXIS_MAP_CONFIG, &[0x21, 0x01]);
     bus.write(page0::UNIT_SEL, &[0x01]);
     assert_eq!(bus.read::<2>(page0::AXIS_MAP_CONFIG), [0x21, 0x01]);
@@ -88,9 +82,8 @@ fn refreshes(config: Config, mode: Mode) -> ([u32; 3], u32) {
         bus.now += Ticks::from_us(500);
         bus.sense();
         let now = words(&bus);
-        let changed: Vec<usize> = (0..3)
-            .filter(|i| now[3 * i..][..3] != last[3 * i..][..3])
-            .collect();
+        let changed: Vec<usize> =
+            (0..3).filter(|i| now[3 * i..][..3] != last[3 * i..][..3]).collect();
         for sensor in &changed {
             changes[*sensor] += 1;
         }
@@ -100,18 +93,10 @@ fn refreshes(config: Config, mode: Mode) -> ([u32; 3], u32) {
     (changes, together)
 }
 
-const OWN: RefreshRates = RefreshRates {
-    acc_hz: 62.5,
-    gyr_hz: 80.0,
-    mag_hz: 35.0,
-};
+const OWN: RefreshRates = RefreshRates { acc_hz: 62.5, gyr_hz: 80.0, mag_hz: 35.0 };
 
 fn own_clocks() -> Config {
-    Config {
-        clock_error: 0.0,
-        refresh: Some(OWN),
-        ..Config::default()
-    }
+    Config { clock_error: 0.0, refresh: Some(OWN), ..Config::default() }
 }
 
 /// Words in the order of the registers: accelerometer, magnetometer, gyroscope.
@@ -119,10 +104,7 @@ fn own_clocks() -> Config {
 fn each_sensor_refreshes_at_its_own_rate_and_phase() {
     let near = |counted: [u32; 3], hz: [f64; 3]| {
         for (counted, hz) in counted.into_iter().zip(hz) {
-            assert!(
-                (f64::from(counted) - 2.0 * hz).abs() <= 2.0,
-                "{counted} at {hz} Hz"
-            );
+            assert!((f64::from(counted) - 2.0 * hz).abs() <= 2.0, "{counted} at {hz} Hz");
         }
     };
     let (counted, together) = refreshes(own_clocks(), Mode::Amg);
@@ -151,13 +133,7 @@ fn a_refresh_of_one_sensor_leaves_the_words_of_the_others() {
 }
 
 fn field_config(age_ms: u64, health: MagnetometerHealth) -> Config {
-    Config {
-        magnetometer: Magnetometer {
-            age: Ticks::from_ms(age_ms),
-            health,
-        },
-        ..own_clocks()
-    }
+    Config { magnetometer: Magnetometer { age: Ticks::from_ms(age_ms), health }, ..own_clocks() }
 }
 
 /// From a step of the field to the first word that shows it: the age, and up to one period of
@@ -206,19 +182,10 @@ fn a_dead_magnetometer_reads_zero_and_a_stuck_one_its_first_field() {
 #[test]
 fn the_other_address_does_all_the_same() {
     for (address, other) in [(0x28, 0x29), (0x29, 0x28)] {
-        let mut bus = Bus::running_as(
-            Config {
-                address,
-                ..Config::default()
-            },
-            Mode::Amg,
-        );
+        let mut bus = Bus::running_as(Config { address, ..Config::default() }, Mode::Amg);
         assert_eq!(bus.words(page0::ACC_DATA), [0, 0, 981]);
         let read = true;
-        let wrong = I2cEvent::Start {
-            address: other,
-            read,
-        };
+        let wrong = I2cEvent::Start { address: other, read };
         assert_eq!(bus.event(wrong), I2cReply::NAK);
         bus.event(I2cEvent::Stop);
         bus.chip.inject(bus.now, Fault::Naks { probability: 1.0 });

@@ -67,12 +67,9 @@ pub(super) fn harmless_frame(phase: Phase, params: &Params, dice: &mut impl Rng)
     // All but the release.
     let armed = [&FLYING[..2], &FLYING[3..]].concat();
     let orders: &[_] = match phase {
-        Phase::Start | Phase::Standby | Phase::Saving => &[
-            request::MAY_ARM,
-            request::RELEASE,
-            request::DISARM,
-            request::SAVE,
-        ],
+        Phase::Start | Phase::Standby | Phase::Saving => {
+            &[request::MAY_ARM, request::RELEASE, request::DISARM, request::SAVE]
+        }
         Phase::Armed => &armed,
         Phase::Flight => &FLYING,
         Phase::Failsafe => &FLYING[..6],

@@ -222,8 +222,7 @@ impl Campaign {
     /// the one at n modulo their number.
     pub fn timer_bits(&self) -> Vec<String> {
         let bits = self.undisturbed.timer_bits.iter();
-        bits.map(|(address, bit)| system::bit(*address, *bit))
-            .collect()
+        bits.map(|(address, bit)| system::bit(*address, *bit)).collect()
     }
 
     /// Carries out a run. The same case of the same campaign always ends in the same way.
@@ -238,9 +237,7 @@ impl Campaign {
             self.seed ^ case.kind.index() << 48 ^ u64::from(case.number) << 16,
             Stream::Campaign,
         );
-        let Undisturbed {
-            begin, instants, ..
-        } = &self.undisturbed;
+        let Undisturbed { begin, instants, .. } = &self.undisturbed;
         let at = *begin + Ticks(dice.random_range(instants.start.0..instants.end.0));
         let lasting_ms = self.plan.lasting_ms();
         let (shortest_ms, longest_ms) = (lasting_ms.start(), lasting_ms.end());

@@ -52,10 +52,9 @@ impl Phase {
     /// Whether a vehicle that says it is in `state` goes on as if there had been no fault.
     pub(super) fn has(self, state: StateKind) -> bool {
         match self {
-            Self::Start => matches!(
-                state,
-                StateKind::Boot | StateKind::SelfTest | StateKind::Standby
-            ),
+            Self::Start => {
+                matches!(state, StateKind::Boot | StateKind::SelfTest | StateKind::Standby)
+            }
             Self::Standby | Self::Saving => state == StateKind::Standby,
             Self::Armed => state == StateKind::Armed,
             Self::Flight => state == StateKind::Active,

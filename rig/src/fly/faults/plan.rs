@@ -48,9 +48,7 @@ impl Plan {
             Self::Faults => system.collect(),
             Self::Glitches => GLITCHES.map(Kind::Sensor).to_vec(),
             Self::Resets => {
-                let of_phase = RESETS
-                    .into_iter()
-                    .filter(|(_, in_phase)| *in_phase == phase);
+                let of_phase = RESETS.into_iter().filter(|(_, in_phase)| *in_phase == phase);
                 of_phase.map(|(kind, _)| Kind::System(kind)).collect()
             }
             Self::TimerBits => vec![Kind::System(SystemKind::TimerRegister)],

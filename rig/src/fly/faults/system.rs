@@ -95,10 +95,7 @@ impl SystemKind {
 
     /// Whether it resets the chip at once, from outside.
     fn resets(self) -> bool {
-        matches!(
-            self,
-            Self::FlashParameters | Self::BrownOut | Self::ResetButton
-        )
+        matches!(self, Self::FlashParameters | Self::BrownOut | Self::ResetButton)
     }
 
     /// Which stray pulses count.
@@ -148,21 +145,12 @@ impl SystemFault {
     /// A bit of a register flips.
     pub(super) fn flip(kind: SystemKind, rig: &mut Rig, address: u32, bit: u8) -> Self {
         rig.flip_register(address, bit);
-        Self {
-            what: format!("{kind}: {}", self::bit(address, bit)),
-            ..Self::of(kind.blame())
-        }
+        Self { what: format!("{kind}: {}", self::bit(address, bit)), ..Self::of(kind.blame()) }
     }
 
     /// None yet.
     pub(super) fn of(blame: Blame) -> Self {
-        Self {
-            what: String::new(),
-            blame,
-            kinds: Vec::new(),
-            stuck: Vec::new(),
-            shifted_ppm: 0.0,
-        }
+        Self { what: String::new(), blame, kinds: Vec::new(), stuck: Vec::new(), shifted_ppm: 0.0 }
     }
 
     /// Begins a fault of this kind, too.
@@ -179,11 +167,7 @@ impl SystemFault {
         let what = match kind {
             SystemKind::RamStatics => {
                 let statics = rig.image().sizes().static_ram;
-                flip_ram(
-                    rig,
-                    RAM + dice.random_range(0..statics),
-                    dice.random_range(0..8),
-                )
+                flip_ram(rig, RAM + dice.random_range(0..statics), dice.random_range(0..8))
             }
             SystemKind::RamStack => {
                 let top = rig.image().stack_top();
@@ -263,11 +247,7 @@ impl SystemFault {
             SystemKind::StackOverflow => end(rig, ProgramEnd::StackOverflow),
             SystemKind::FailedCheck => {
                 let address = rig.image().address() + RESERVED_VECTOR;
-                flip_flash(
-                    rig,
-                    address + dice.random_range(0..4),
-                    dice.random_range(0..8),
-                )
+                flip_flash(rig, address + dice.random_range(0..4), dice.random_range(0..8))
             }
             SystemKind::BrownOut => {
                 rig.brown_out();
@@ -279,10 +259,7 @@ impl SystemFault {
             }
             SystemKind::Reboot => {
                 let action = if dice.random() { 1.0 } else { 3.0 };
-                let order = request::Order {
-                    params: [action, 0.0],
-                    ..request::REBOOT
-                };
+                let order = request::Order { params: [action, 0.0], ..request::REBOOT };
                 rig.usb_write(&frame(&order.message()));
                 format!("action {action}")
             }
@@ -450,12 +427,7 @@ const BUS: Registers = &[(0x4200_1800, &[0x00, 0x0C, 0x14, 0x24])];
 /// The generators and clocks that are used, the dividers and masks, the DFLL and the brown-out
 /// detector.
 const CLOCKS: Registers = &[
-    (
-        0x4000_0C00,
-        &[
-            0x40, 0x44, 0x48, 0x4C, 0x58, 0x80, 0x84, 0x98, 0x10C, 0x118, 0x160, 0x168,
-        ],
-    ),
+    (0x4000_0C00, &[0x40, 0x44, 0x48, 0x4C, 0x58, 0x80, 0x84, 0x98, 0x10C, 0x118, 0x160, 0x168]),
     (0x4000_0400, &[0x08, 0x14, 0x18, 0x1C, 0x20]),
     (0x4000_0800, &[0x24, 0x28, 0x34]),
 ];
@@ -465,20 +437,13 @@ const PINS: Registers = &[
     (0x4100_4400, &[0x00, 0x10, 0x3C, 0x44, 0x50, 0x58]),
     (0x4100_4480, &[0x00, 0x10, 0x34, 0x48]),
 ];
-const USB: Registers = &[(
-    0x4100_5000,
-    &[
-        0x00, 0x08, 0x18, 0x24, 0x100, 0x108, 0x120, 0x128, 0x140, 0x148,
-    ],
-)];
+const USB: Registers =
+    &[(0x4100_5000, &[0x00, 0x08, 0x18, 0x24, 0x100, 0x108, 0x120, 0x128, 0x140, 0x148])];
 const WATCHDOG: Registers = &[(0x4000_1000, &[0x00, 0x04])];
 const INTERRUPTS: Registers = &[
     (core_registers::SYST_CSR, &[0x0, 0x4]),
     (core_registers::NVIC_ISER, &[0x0]),
-    (
-        core_registers::NVIC_IPR,
-        &[0x0, 0x4, 0x8, 0xC, 0x10, 0x14, 0x18],
-    ),
+    (core_registers::NVIC_IPR, &[0x0, 0x4, 0x8, 0xC, 0x10, 0x14, 0x18]),
 ];
 
 /// A bit of a register in words.
@@ -497,9 +462,7 @@ pub(super) fn timer_bits(rig: &Rig) -> Vec<(u32, u8)> {
         addresses.flat_map(|address| (0..32).map(move |bit| (address, bit)))
     });
     let mut fork = rig.clone();
-    registers
-        .filter(|(address, bit)| fork.flip_register(*address, *bit))
-        .collect()
+    registers.filter(|(address, bit)| fork.flip_register(*address, *bit)).collect()
 }
 
 /// Runs until the handler of an interrupt line runs.

@@ -11,10 +11,7 @@ struct Probe {
 }
 
 /// The Nano 33 IoT's wiring.
-const LINES: I2cPins = I2cPins {
-    sda: Pin::b(8),
-    scl: Pin::b(9),
-};
+const LINES: I2cPins = I2cPins { sda: Pin::b(8), scl: Pin::b(9) };
 
 impl Board for Probe {
     fn i2c_pins(&self) -> Option<I2cPins> {
@@ -27,17 +24,12 @@ impl Board for Probe {
         self.edges.push((now.0, pin.to_string(), level));
     }
     fn input(&self, _now: Ticks, pin: Pin) -> Option<bool> {
-        self.driven
-            .and_then(|(driven, level)| (driven == pin).then_some(level))
+        self.driven.and_then(|(driven, level)| (driven == pin).then_some(level))
     }
 }
 
 fn write(port: &mut Port, probe: &mut Probe, now: u64, offset: u32, lanes: Lanes) {
-    let mut bus = Bus {
-        now: Ticks(now),
-        board: probe,
-        violations: &mut Violations::default(),
-    };
+    let mut bus = Bus { now: Ticks(now), board: probe, violations: &mut Violations::default() };
     port.write(&mut bus, offset, lanes).unwrap();
 }
 
@@ -57,10 +49,7 @@ fn outputs_reach_the_board_as_edges() {
     write(&mut port, &mut probe, 30, 0x1C, Lanes::word(1 << 7));
     write(&mut port, &mut probe, 40, 0x18, Lanes::new(0x80, 0, 1));
     let edge = |at, level| (at, "PA07".to_string(), level);
-    assert_eq!(
-        probe.edges,
-        [edge(20, true), edge(30, false), edge(40, true)]
-    );
+    assert_eq!(probe.edges, [edge(20, true), edge(30, false), edge(40, true)]);
 }
 
 #[test]
@@ -71,13 +60,7 @@ fn inputs_need_inen_and_see_board_then_pull() {
     probe.driven = Some((pin, true));
     let read = |port: &Port, probe: &Probe| port.read(Ticks(0), 0x20, probe).unwrap() >> 27 & 1;
     assert_eq!(read(&port, &probe), 0, "INEN is off");
-    write(
-        &mut port,
-        &mut probe,
-        0,
-        0x28,
-        configuration(27, 0, u32::from(INEN)),
-    );
+    write(&mut port, &mut probe, 0, 0x28, configuration(27, 0, u32::from(INEN)));
     assert_eq!(read(&port, &probe), 1);
     probe.driven = None;
     assert_eq!(read(&port, &probe), 0);
@@ -119,20 +102,8 @@ fn a_tcc_drives_only_the_pins_routed_to_it() {
 fn the_i2c_lines_are_wired_and() {
     let mut port = Port::default();
     let mut probe = Probe::default();
-    write(
-        &mut port,
-        &mut probe,
-        0,
-        0xA8,
-        configuration(8, 0, u32::from(INEN)),
-    );
-    write(
-        &mut port,
-        &mut probe,
-        0,
-        0xA8,
-        configuration(9, 0, u32::from(INEN)),
-    );
+    write(&mut port, &mut probe, 0, 0xA8, configuration(8, 0, u32::from(INEN)));
+    write(&mut port, &mut probe, 0, 0xA8, configuration(9, 0, u32::from(INEN)));
     let read = |port: &Port, probe: &Probe| port.read(Ticks(0), 0xA0, probe).unwrap() >> 8 & 3;
     assert_eq!(read(&port, &probe), 0b11, "the board's pull-ups");
     probe.held.sda = true;
@@ -149,11 +120,8 @@ fn the_i2c_lines_are_wired_and() {
 #[test]
 fn routing_a_tc_to_a_pin_is_refused() {
     let mut port = Port::default();
-    let mut bus = Bus {
-        now: Ticks(0),
-        board: &mut Unconnected,
-        violations: &mut Violations::default(),
-    };
+    let mut bus =
+        Bus { now: Ticks(0), board: &mut Unconnected, violations: &mut Violations::default() };
     let lanes = configuration(18, 4, 1);
     assert!(port.write(&mut bus, 0x28, lanes).is_err());
 }
@@ -166,16 +134,10 @@ fn the_sercom_with_pads_0_and_1_on_the_lines_owns_the_bus() {
     assert_eq!(port.i2c_master(LINES), None);
     write(&mut port, &mut probe, 0, 0xA8, configuration(9, 3, 1));
     assert_eq!(port.i2c_master(LINES), Some(4));
-    let swapped = I2cPins {
-        sda: LINES.scl,
-        scl: LINES.sda,
-    };
+    let swapped = I2cPins { sda: LINES.scl, scl: LINES.sda };
     assert_eq!(port.i2c_master(swapped), None, "SDA is pad 0");
     // PA22 and PA23: function C is SERCOM3, D is SERCOM5.
-    let lines = I2cPins {
-        sda: Pin::a(22),
-        scl: Pin::a(23),
-    };
+    let lines = I2cPins { sda: Pin::a(22), scl: Pin::a(23) };
     write(&mut port, &mut probe, 0, 0x28, configuration(22, 2, 1));
     write(&mut port, &mut probe, 0, 0x28, configuration(23, 3, 1));
     assert_eq!(port.i2c_master(lines), None, "pads of two SERCOMs");

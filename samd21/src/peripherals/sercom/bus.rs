@@ -33,12 +33,8 @@ const POLL: Ticks = Ticks::from_us(10);
 /// SCL low time-out.
 const LOW_TIMEOUT: Ticks = Ticks::from_ms(30);
 /// CTRLA.INACTOUT: off, 55, 105, 205 us.
-const INACTIVE_TIMEOUT: [Ticks; 4] = [
-    Ticks::NEVER,
-    Ticks::from_us(55),
-    Ticks::from_us(105),
-    Ticks::from_us(205),
-];
+const INACTIVE_TIMEOUT: [Ticks; 4] =
+    [Ticks::NEVER, Ticks::from_us(55), Ticks::from_us(105), Ticks::from_us(205)];
 
 /// STATUS.BUSSTATE.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -115,10 +111,7 @@ impl Sercom {
         self.rest();
         self.lines = self.held_low(bus.now, bus.board);
         if self.is_enabled() && !self.connected {
-            self.note(
-                bus,
-                "enabled without its pads on the board's I2C lines: no bus",
-            );
+            self.note(bus, "enabled without its pads on the board's I2C lines: no bus");
         }
     }
 
@@ -259,11 +252,7 @@ impl Sercom {
             self.wait(now, Motion::End(byte, reply), duration);
             return;
         }
-        let sent = if byte == Byte::Address {
-            self.address
-        } else {
-            self.data
-        };
+        let sent = if byte == Byte::Address { self.address } else { self.data };
         if self.lines.sda && sent != 0 {
             let ones_at = u64::from(sent.leading_zeros());
             let duration = self.bit() * ones_at + self.bit() / 2;
@@ -280,10 +269,9 @@ impl Sercom {
             return;
         }
         let event = match byte {
-            Byte::Address => I2cEvent::Start {
-                address: self.address >> 1,
-                read: self.address & 1 != 0,
-            },
+            Byte::Address => {
+                I2cEvent::Start { address: self.address >> 1, read: self.address & 1 != 0 }
+            }
             _ => I2cEvent::Write(self.data),
         };
         let mut reply = self.ask(bus, event);
@@ -356,10 +344,7 @@ impl Sercom {
         self.status |= LOWTOUT | BUSERR;
         self.interrupts.flags |= ERROR;
         let reading = self.held == Some(Direction::Read)
-            || matches!(
-                self.motion,
-                Motion::First(Byte::Read) | Motion::End(Byte::Read, _)
-            );
+            || matches!(self.motion, Motion::First(Byte::Read) | Motion::End(Byte::Read, _));
         self.interrupts.flags |= if reading { SB } else { MB };
         self.held = None;
         self.rest();
@@ -405,11 +390,7 @@ impl Sercom {
 
     fn wait(&mut self, now: Ticks, motion: Motion, after: Ticks) {
         self.motion = motion;
-        self.due = if self.clock.is_some() {
-            now + after
-        } else {
-            Ticks::NEVER
-        };
+        self.due = if self.clock.is_some() { now + after } else { Ticks::NEVER };
     }
 
     fn rest(&mut self) {
@@ -433,20 +414,12 @@ impl Sercom {
     /// What others hold low. Pads that lead nowhere are taken for high lines at which nobody
     /// answers; the data sheet does not say, and held lines would be noticed sooner.
     fn held_low(&self, now: Ticks, board: &dyn Board) -> Lines {
-        if self.connected {
-            board.i2c_held_low(now)
-        } else {
-            Lines::default()
-        }
+        if self.connected { board.i2c_held_low(now) } else { Lines::default() }
     }
 
     /// The slave's reply to what the master does now.
     fn ask(&self, bus: &mut Bus<'_>, event: I2cEvent) -> I2cReply {
-        if self.connected {
-            bus.board.i2c(bus.now, event)
-        } else {
-            I2cReply::NAK
-        }
+        if self.connected { bus.board.i2c(bus.now, event) } else { I2cReply::NAK }
     }
 
     /// Length of a bit.
@@ -456,7 +429,6 @@ impl Sercom {
             0 => baud,
             low => low,
         };
-        self.clock
-            .map_or(Ticks::ZERO, |clock| clock.duration(10 + baud + low) + RISE)
+        self.clock.map_or(Ticks::ZERO, |clock| clock.duration(10 + baud + low) + RISE)
     }
 }

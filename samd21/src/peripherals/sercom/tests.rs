@@ -29,11 +29,7 @@ impl Board for Slave {
                 if self.addressed && !read {
                     self.pointer = None;
                 }
-                I2cReply {
-                    ack: self.addressed,
-                    ..I2cReply::NAK
-                }
-                .stretched(self.stretch)
+                I2cReply { ack: self.addressed, ..I2cReply::NAK }.stretched(self.stretch)
             }
             I2cEvent::Write(byte) => {
                 match self.pointer {
@@ -112,11 +108,8 @@ impl Rig {
     }
 
     fn access(&mut self, offset: u32, lanes: Lanes) -> Write {
-        let mut bus = Bus {
-            now: self.now,
-            board: &mut self.slave,
-            violations: &mut self.violations,
-        };
+        let mut bus =
+            Bus { now: self.now, board: &mut self.slave, violations: &mut self.violations };
         self.sercom.write(&mut bus, offset, lanes)
     }
 
@@ -125,8 +118,7 @@ impl Rig {
     }
 
     fn half(&mut self, offset: u32, index: u32, value: u16) {
-        self.access(offset, Lanes::new(u32::from(value), 2 * index, 2))
-            .unwrap();
+        self.access(offset, Lanes::new(u32::from(value), 2 * index, 2)).unwrap();
     }
 
     fn read(&mut self, offset: u32) -> u32 {
@@ -145,11 +137,8 @@ impl Rig {
         let until = self.now + time;
         while self.sercom.next() <= until {
             self.now = self.sercom.next();
-            let mut bus = Bus {
-                now: self.now,
-                board: &mut self.slave,
-                violations: &mut self.violations,
-            };
+            let mut bus =
+                Bus { now: self.now, board: &mut self.slave, violations: &mut self.violations };
             self.sercom.advance(&mut bus);
         }
         self.now = until;
@@ -170,14 +159,8 @@ impl Rig {
     }
 }
 
-const START_W: I2cEvent = I2cEvent::Start {
-    address: 0x29,
-    read: false,
-};
-const START_R: I2cEvent = I2cEvent::Start {
-    address: 0x29,
-    read: true,
-};
+const START_W: I2cEvent = I2cEvent::Start { address: 0x29, read: false };
+const START_R: I2cEvent = I2cEvent::Start { address: 0x29, read: true };
 
 #[test]
 fn registers_are_read_by_repeated_start_as_the_data_sheet_asks() {
@@ -197,11 +180,7 @@ fn registers_are_read_by_repeated_start_as_the_data_sheet_asks() {
     assert_eq!(rig.wait(), Ticks(bit * (10 + 8)));
     assert_eq!(rig.flags(), SB);
     assert_eq!(rig.read(0x28), 0xA8);
-    assert_eq!(
-        rig.flags(),
-        SB,
-        "without smart mode reading DATA does nothing"
-    );
+    assert_eq!(rig.flags(), SB, "without smart mode reading DATA does nothing");
     rig.command(2, false);
     assert_eq!(rig.read(0x04), 0, "CMD reads 0");
     assert_eq!(rig.wait(), Ticks(bit * 9), "acknowledge and eight clocks");
@@ -216,14 +195,7 @@ fn registers_are_read_by_repeated_start_as_the_data_sheet_asks() {
     let events: Vec<_> = rig.slave.log.iter().map(|entry| entry.1).collect();
     assert_eq!(
         events,
-        [
-            START_W,
-            I2cEvent::Write(8),
-            START_R,
-            I2cEvent::Read,
-            I2cEvent::Read,
-            I2cEvent::Stop
-        ]
+        [START_W, I2cEvent::Write(8), START_R, I2cEvent::Read, I2cEvent::Read, I2cEvent::Stop]
     );
     assert_eq!(rig.violations.count(), 0);
 }
@@ -250,11 +222,7 @@ fn the_bus_stays_owned_until_the_slave_lets_the_stop_through() {
     assert_eq!((rig.flags(), rig.status()), (0, OWNER));
     rig.pass(Ticks(1));
     assert_eq!(rig.status(), IDLE);
-    let stops = rig
-        .slave
-        .log
-        .iter()
-        .filter(|entry| entry.1 == I2cEvent::Stop);
+    let stops = rig.slave.log.iter().filter(|entry| entry.1 == I2cEvent::Stop);
     assert_eq!(stops.count(), 1, "the slave is asked once");
 }
 
@@ -268,11 +236,7 @@ fn an_address_written_before_a_late_stop_waits_for_it() {
     rig.pass(Ticks::from_us(100));
     rig.write(0x24, 0x29 << 1);
     let stop = 142 * 3 / 2 + 180 * 48 - 100 * 48;
-    assert_eq!(
-        rig.wait(),
-        Ticks(stop + 142 * 10),
-        "STOP, START, nine clocks"
-    );
+    assert_eq!(rig.wait(), Ticks(stop + 142 * 10), "STOP, START, nine clocks");
     assert_eq!(rig.violations.count(), 0);
 }
 
@@ -292,8 +256,7 @@ fn sda_that_sticks_before_a_late_stop_leaves_the_bus_busy() {
 #[test]
 fn a_stop_that_never_comes_ends_with_the_low_time_out() {
     let mut rig = Rig::new(SyncHold::Instant);
-    rig.sercom
-        .set_clocks(rig.now, Some(Rate::from_hz(48_000_000)), true);
+    rig.sercom.set_clocks(rig.now, Some(Rate::from_hz(48_000_000)), true);
     rig.enable(LOWTOUTEN);
     rig.slave.stop_stretch = Ticks::from_ms(500);
     rig.write(0x24, 0x29 << 1);
@@ -355,19 +318,14 @@ fn scl_held_low_never_gives_mb_and_goes_on_when_let_go() {
 fn low_time_out_needs_the_slow_clock() {
     for slow in [false, true] {
         let mut rig = Rig::new(SyncHold::Instant);
-        rig.sercom
-            .set_clocks(rig.now, Some(Rate::from_hz(48_000_000)), slow);
+        rig.sercom.set_clocks(rig.now, Some(Rate::from_hz(48_000_000)), slow);
         rig.enable(LOWTOUTEN);
         rig.slave.held.scl = true;
         rig.write(0x24, 0x29 << 1);
         rig.pass(Ticks::from_ms(29));
         assert_eq!(rig.flags(), 0);
         rig.pass(Ticks::from_ms(2));
-        let (flags, status) = if slow {
-            (MB | ERROR, BUSY | LOWTOUT | BUSERR)
-        } else {
-            (0, OWNER)
-        };
+        let (flags, status) = if slow { (MB | ERROR, BUSY | LOWTOUT | BUSERR) } else { (0, OWNER) };
         assert_eq!((rig.flags(), rig.status()), (flags, status));
     }
 }

@@ -81,9 +81,7 @@ impl Extension {
             2 => 0,
             _ => usize::from(output > 0),
         };
-        (0..2 * PAIRS).fold(0, |matrix, output| {
-            matrix | (levels >> channel(output) & 1) << output
-        })
+        (0..2 * PAIRS).fold(0, |matrix, output| matrix | (levels >> channel(output) & 1) << output)
     }
 
     /// What the outputs are driven to; the pairs of `swap` are exchanged.
@@ -105,18 +103,12 @@ impl Extension {
         }
         let (enabled, values) = (self.patt as u8, (self.patt >> 8) as u8);
         levels = levels & !enabled | values & enabled;
-        Waveforms {
-            high: levels ^ (self.drvctrl >> 16) as u8,
-            driven: 0xFF,
-        }
+        Waveforms { high: levels ^ (self.drvctrl >> 16) as u8, driven: 0xFF }
     }
 
     /// What they are driven to in the state of a non-recoverable fault (DRVCTRL.NREx, NRVx).
     pub(super) fn safe_outputs(&self) -> Waveforms {
         let driven = self.drvctrl as u8;
-        Waveforms {
-            high: (self.drvctrl >> 8) as u8 & driven,
-            driven,
-        }
+        Waveforms { high: (self.drvctrl >> 8) as u8 & driven, driven }
     }
 }

@@ -43,9 +43,7 @@ impl Tcc {
                 self.change(now, |timer| timer.counter.stopped ^= true);
             }
             0x30 => self.change(now, |timer| timer.status ^= mask),
-            0x34 => self.change(now, |timer| {
-                timer.counter.held ^= mask >> timer.dither_bits()
-            }),
+            0x34 => self.change(now, |timer| timer.counter.held ^= mask >> timer.dither_bits()),
             0x0C | 0x10 | 0x20 => self.change(now, |timer| timer.toggle(offset, mask)),
             0x3C => {
                 self.toggle(offset, mask);

@@ -248,11 +248,7 @@ impl Tcc {
 
     fn software_reset(&mut self) {
         let fresh = Self::new(self.index, SyncHold::Instant);
-        *self = Self {
-            sync: self.sync.clone(),
-            counter: self.counter.fresh(),
-            ..fresh
-        };
+        *self = Self { sync: self.sync.clone(), counter: self.counter.fresh(), ..fresh };
     }
 
     /// Carries out a command of CTRLBSET.CMD.

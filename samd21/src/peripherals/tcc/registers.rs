@@ -33,11 +33,8 @@ impl Tcc {
         Ok(match offset {
             0x00 => self.ctrla | u32::from(self.sync.is_busy(now, busy::SWRST)),
             0x04 => {
-                let command = if self.sync.is_busy(now, busy::CTRLB) {
-                    self.command << 5
-                } else {
-                    0
-                };
+                let command =
+                    if self.sync.is_busy(now, busy::CTRLB) { self.command << 5 } else { 0 };
                 u32::from(self.ctrlb | command) * 0x0101
             }
             0x08 => self.sync.bits(now),

@@ -23,22 +23,13 @@ impl Rig {
     fn new(hold: SyncHold) -> Self {
         let mut tcc = Tcc::new(0, hold);
         tcc.set_clock(Ticks::ZERO, Some(Rate::from_hz(48_000_000)));
-        Self {
-            tcc,
-            violations: Violations::default(),
-            output: 5,
-            edges: Vec::new(),
-            level: false,
-        }
+        Self { tcc, violations: Violations::default(), output: 5, edges: Vec::new(), level: false }
     }
 
     fn try_write(&mut self, now: u64, offset: u32, lanes: Lanes) -> Write {
         self.run(now);
-        let mut bus = Bus {
-            now: Ticks(now),
-            board: &mut Unconnected,
-            violations: &mut self.violations,
-        };
+        let mut bus =
+            Bus { now: Ticks(now), board: &mut Unconnected, violations: &mut self.violations };
         let done = self.tcc.write(&mut bus, offset, lanes);
         self.look(now);
         done
@@ -93,22 +84,12 @@ impl Rig {
 fn a_servo_frame_follows_the_buffered_compare_from_the_next_overflow() {
     let mut rig = Rig::servo(72_000);
     rig.write(500_000, 0x74, 96_000);
-    assert_eq!(
-        rig.read(500_000, 0x30) & BUFFERS,
-        CCBV0 << 1,
-        "CCBV1, running"
-    );
+    assert_eq!(rig.read(500_000, 0x30) & BUFFERS, CCBV0 << 1, "CCBV1, running");
     assert_eq!(rig.read(500_000, 0x48), 72_000);
     rig.run(2_000_000);
     assert_eq!(
         rig.edges,
-        [
-            (0, true),
-            (72_000, false),
-            (960_000, true),
-            (960_000 + 96_000, false),
-            (1_920_000, true)
-        ]
+        [(0, true), (72_000, false), (960_000, true), (960_000 + 96_000, false), (1_920_000, true)]
     );
     assert_eq!(rig.read(2_000_000, 0x30) & BUFFERS, 0);
     assert_eq!(rig.read(2_000_000, 0x48), 96_000);
@@ -122,8 +103,7 @@ fn lupd_keeps_the_buffer_until_it_is_released() {
     rig.run(1_000_000);
     assert_eq!(rig.read(1_000_000, 0x48), 72_000);
     assert_eq!(rig.read(1_000_000, 0x30) & BUFFERS, CCBV0 << 1);
-    rig.try_write(1_000_000, 0x04, Lanes::new(u32::from(LUPD), 0, 1))
-        .unwrap();
+    rig.try_write(1_000_000, 0x04, Lanes::new(u32::from(LUPD), 0, 1)).unwrap();
     rig.run(1_920_000);
     assert_eq!(rig.read(1_920_000, 0x48), 96_000);
 }
@@ -135,10 +115,7 @@ fn a_direct_compare_below_count_gives_a_long_pulse() {
     let mut rig = Rig::servo(72_000);
     rig.write(60_000, 0x48, 50_000);
     rig.run(1_920_000);
-    assert_eq!(
-        rig.edges,
-        [(0, true), (960_000 + 50_000, false), (1_920_000, true)]
-    );
+    assert_eq!(rig.edges, [(0, true), (960_000 + 50_000, false), (1_920_000, true)]);
 }
 
 #[test]
@@ -236,8 +213,7 @@ fn without_a_clock_nothing_counts_and_synchronisation_hangs() {
     rig.write(0, 0x00, ENABLE);
     assert_eq!(rig.read(1_000_000, 0x08), 1 << 1);
     assert_eq!(rig.tcc.next(), Ticks::NEVER);
-    rig.tcc
-        .set_clock(Ticks(2_000_000), Some(Rate::from_hz(48_000_000)));
+    rig.tcc.set_clock(Ticks(2_000_000), Some(Rate::from_hz(48_000_000)));
     assert_eq!(rig.read(2_000_000, 0x08), 0);
     assert_eq!(rig.tcc.next(), Ticks(2_000_000 + (1 << 24)));
 }

@@ -86,13 +86,8 @@ impl Tcc {
 
     /// Finds the end of the ramp and the matches still to come on it.
     pub(super) fn schedule(&mut self, now: Ticks) {
-        let compares = [0, 1, 2, 3].map(|channel| {
-            if channel < self.channels {
-                self.compare(channel)
-            } else {
-                NEVER_MET
-            }
-        });
+        let compares = [0, 1, 2, 3]
+            .map(|channel| if channel < self.channels { self.compare(channel) } else { NEVER_MET });
         let (top, max) = (self.top(), self.max >> self.dither_bits());
         self.counter.schedule(now, top, max, &compares);
     }

@@ -119,10 +119,7 @@ impl Endpoint {
         match offset {
             0x00 => {
                 if let Some(config) = lanes.byte(0) {
-                    if [config & 7, config >> 4 & 7]
-                        .iter()
-                        .any(|&kind| kind == 2 || kind > 4)
-                    {
+                    if [config & 7, config >> 4 & 7].iter().any(|&kind| kind == 2 || kind > 4) {
                         return Err(Refusal::Unmodelled("isochronous and dual-bank endpoints"));
                     }
                     self.configure(config & 0x77);
@@ -203,26 +200,16 @@ impl Usb {
     }
 
     fn is_addressed(&self, device: u8, number: u8) -> bool {
-        let own = if self.address & 0x80 != 0 {
-            self.address & 0x7F
-        } else {
-            0
-        };
+        let own = if self.address & 0x80 != 0 { self.address & 0x7F } else { 0 };
         self.is_attached() && device == own && usize::from(number) < ENDPOINTS
     }
 
     fn bank(&mut self, memory: &Memory, number: u8, bank: u32) -> Answer<Bank> {
-        let at = self
-            .descriptors
-            .wrapping_add(u32::from(number) * 32 + bank * 16);
+        let at = self.descriptors.wrapping_add(u32::from(number) * 32 + bank * 16);
         let found = memory
             .read_u32(at)
             .zip(memory.read_u32(at.wrapping_add(4)))
-            .map(|(address, pcksize)| Bank {
-                at,
-                address,
-                pcksize,
-            });
+            .map(|(address, pcksize)| Bank { at, address, pcksize });
         self.in_memory(found)
     }
 
@@ -289,11 +276,7 @@ impl Usb {
         let length = bytes.len() as u32;
         self.in_memory((length <= bank.size()).then_some(()))?;
         let multi_packet_size = bank.multi_packet_size();
-        let gathered = if multi_packet_size > 0 {
-            bank.byte_count()
-        } else {
-            0
-        };
+        let gathered = if multi_packet_size > 0 { bank.byte_count() } else { 0 };
         bank.set_counts(gathered + length, multi_packet_size);
         self.deliver(memory, &bank, gathered, bytes)?;
         let complete = length < bank.size() || gathered + length >= multi_packet_size;

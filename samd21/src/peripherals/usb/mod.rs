@@ -106,8 +106,7 @@ impl Usb {
 
     pub(crate) fn irq(&self) -> u32 {
         let requested = self.interrupts.is_requested() || self.summary() != 0;
-        self.interrupts
-            .irq_if(self.ctrla & ENABLE != 0 && requested)
+        self.interrupts.irq_if(self.ctrla & ENABLE != 0 && requested)
     }
 
     /// When the bus will have been idle for too long.
@@ -154,9 +153,8 @@ impl Usb {
     }
 
     fn summary(&self) -> u8 {
-        (0..ENDPOINTS).fold(0, |summary, number| {
-            summary | u8::from(self.endpoints[number].irq()) << number
-        })
+        (0..ENDPOINTS)
+            .fold(0, |summary, number| summary | u8::from(self.endpoints[number].irq()) << number)
     }
 
     /// A bit of a register flips: see [`upset`](crate::upset).
@@ -245,11 +243,8 @@ impl Usb {
             return Ok(());
         }
         if value & SWRST != 0 {
-            *self = Self {
-                sync: self.sync.clone(),
-                pads: self.pads,
-                ..Self::new(SyncHold::Instant)
-            };
+            *self =
+                Self { sync: self.sync.clone(), pads: self.pads, ..Self::new(SyncHold::Instant) };
             self.sync.begin(bus.now, 0);
             return Ok(());
         }

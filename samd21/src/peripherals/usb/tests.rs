@@ -23,9 +23,7 @@ fn ready() -> (Usb, Memory) {
 }
 
 fn config(usb: &mut Usb, number: u32, config: u32) {
-    usb.endpoints[number as usize]
-        .write(0, Lanes::new(config, 0, 1))
-        .unwrap();
+    usb.endpoints[number as usize].write(0, Lanes::new(config, 0, 1)).unwrap();
 }
 
 fn status(usb: &Usb, number: usize) -> u8 {
@@ -37,9 +35,7 @@ fn flags(usb: &Usb, number: usize) -> u8 {
 }
 
 fn put(usb: &mut Usb, number: u32, byte: u32, value: u32) {
-    usb.endpoints[number as usize]
-        .write(4, Lanes::new(value, byte, 1))
-        .unwrap();
+    usb.endpoints[number as usize].write(4, Lanes::new(value, byte, 1)).unwrap();
 }
 
 #[test]
@@ -68,10 +64,7 @@ fn the_device_answers_to_its_address_only() {
     usb.address = 0x85;
     assert_eq!(usb.setup(0, 0, [0; 8], &mut memory), Err(Refused::Silence));
     assert_eq!(usb.setup(5, 0, [0; 8], &mut memory), Ok(()));
-    assert_eq!(
-        usb.output(5, 3, false, &[], &mut memory),
-        Err(Refused::Silence)
-    );
+    assert_eq!(usb.output(5, 3, false, &[], &mut memory), Err(Refused::Silence));
 }
 
 #[test]
@@ -81,10 +74,7 @@ fn out_toggles_and_a_repeated_packet_is_dropped() {
     assert_eq!(usb.output(0, 2, false, b"abc", &mut memory), Ok(()));
     assert_eq!(status(&usb, 2), 0x41);
     assert_eq!(flags(&usb, 2), 0x01);
-    assert_eq!(
-        usb.output(0, 2, true, b"xyz", &mut memory),
-        Err(Refused::Nak)
-    );
+    assert_eq!(usb.output(0, 2, true, b"xyz", &mut memory), Err(Refused::Nak));
     assert_eq!(flags(&usb, 2), 0x05);
     put(&mut usb, 2, 0, 0x40);
     put(&mut usb, 2, 3, 0x05);
@@ -138,10 +128,7 @@ fn stall_answers_both_ways_until_a_setup() {
     config(&mut usb, 0, 0x11);
     put(&mut usb, 0, 1, 0x30);
     assert_eq!(usb.input(0, 0, &mut memory), Err(Refused::Stall));
-    assert_eq!(
-        usb.output(0, 0, true, &[], &mut memory),
-        Err(Refused::Stall)
-    );
+    assert_eq!(usb.output(0, 0, true, &[], &mut memory), Err(Refused::Stall));
     assert_eq!(flags(&usb, 0), 0x60);
     assert_eq!(usb.setup(0, 0, [0; 8], &mut memory), Ok(()));
     assert_eq!(usb.input(0, 0, &mut memory), Err(Refused::Nak));

@@ -56,11 +56,7 @@ fn macos_sends_lines_only_to_a_device_that_announces_them() {
         let class = |request: &(u8, u8, u16)| {
             [SET_LINES, SET_LINE_CODING].contains(&(request.0, request.1))
         };
-        device
-            .requests
-            .iter()
-            .filter(|request| class(request))
-            .count()
+        device.requests.iter().filter(|request| class(request)).count()
     };
     assert_eq!(sent(0), 0);
     assert_eq!(sent(2), 5, "two to open the port, three for the touch");
@@ -68,11 +64,9 @@ fn macos_sends_lines_only_to_a_device_that_announces_them() {
 
 #[test]
 fn the_touch_raises_dtr_before_it_drops_it_but_on_windows() {
-    for (system, lines) in [
-        (System::Bare, vec![3, 0]),
-        (System::Linux, vec![3, 0]),
-        (System::Windows, vec![0, 0]),
-    ] {
+    for (system, lines) in
+        [(System::Bare, vec![3, 0]), (System::Linux, vec![3, 0]), (System::Windows, vec![0, 0])]
+    {
         let mut device = Device::on(system);
         device.run(Ticks::from_ms(300));
         let before = device.requests.len();

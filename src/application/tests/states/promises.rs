@@ -224,31 +224,11 @@ pub(super) struct Drill {
 /// Data are too old after [`DATA_AGE_LIMIT_US`], and a sensor whose rates stand still for 65 ms is
 /// frozen. A step more takes notice.
 pub(super) const DRILLS: [Drill; 5] = [
-    Drill {
-        name: "silent",
-        trouble: Trouble::Silent,
-        limit_us: DATA_AGE_LIMIT_US + TICK_US,
-    },
-    Drill {
-        name: "late",
-        trouble: Trouble::Late,
-        limit_us: DATA_AGE_LIMIT_US + TICK_US,
-    },
-    Drill {
-        name: "ones",
-        trouble: Trouble::Ones,
-        limit_us: DATA_AGE_LIMIT_US + TICK_US,
-    },
-    Drill {
-        name: "wild",
-        trouble: Trouble::Wild,
-        limit_us: DATA_AGE_LIMIT_US + 2 * TICK_US,
-    },
-    Drill {
-        name: "frozen",
-        trouble: Trouble::Frozen,
-        limit_us: 11 * TICK_US,
-    },
+    Drill { name: "silent", trouble: Trouble::Silent, limit_us: DATA_AGE_LIMIT_US + TICK_US },
+    Drill { name: "late", trouble: Trouble::Late, limit_us: DATA_AGE_LIMIT_US + TICK_US },
+    Drill { name: "ones", trouble: Trouble::Ones, limit_us: DATA_AGE_LIMIT_US + TICK_US },
+    Drill { name: "wild", trouble: Trouble::Wild, limit_us: DATA_AGE_LIMIT_US + 2 * TICK_US },
+    Drill { name: "frozen", trouble: Trouble::Frozen, limit_us: 11 * TICK_US },
 ];
 
 /// Control ends within the drill's time, and does not come back.

@@ -108,19 +108,9 @@ pub(super) fn assert_is_kept(found: &[Found]) {
     let edges: Vec<&Edge> = found.iter().flat_map(|found| &found.edges).collect();
     assert_kept("tests/data/states/vehicle.txt", &render(&edges));
     assert_part_kept("docs/reference/states.md", "orders", &orders(&edges));
-    let figures = found.iter().map(
-        |Found {
-             name,
-             states,
-             edges,
-         }| {
-            let (states, edges) = (states.len(), edges.len());
-            format!("- {name}: {states} states, {edges} edges\n")
-        },
-    );
-    assert_part_kept(
-        "docs/reference/states.md",
-        "vehicle",
-        &figures.collect::<String>(),
-    );
+    let figures = found.iter().map(|Found { name, states, edges }| {
+        let (states, edges) = (states.len(), edges.len());
+        format!("- {name}: {states} states, {edges} edges\n")
+    });
+    assert_part_kept("docs/reference/states.md", "vehicle", &figures.collect::<String>());
 }

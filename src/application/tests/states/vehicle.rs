@@ -134,13 +134,7 @@ impl Vehicle {
             port_open: false,
             steps_to_save: 1,
             said: Vec::new(),
-            truth: Truth {
-                good_run: 0,
-                rest: 0,
-                resting: 0,
-                heard: None,
-                tested_until: Micros(0),
-            },
+            truth: Truth { good_run: 0, rest: 0, resting: 0, heard: None, tested_until: Micros(0) },
             owed: BTreeSet::new(),
             storing: None,
             written_before: 0,
@@ -221,10 +215,7 @@ impl Vehicle {
             sensor: (self.truth.good_run >= 5, self.driver.is_sampling()),
             rudder: self.rudder(),
             heard: self.is_heard(),
-            watched: WATCHED
-                .iter()
-                .map(|name| params.value(name).unwrap().to_bits())
-                .collect(),
+            watched: WATCHED.iter().map(|name| params.value(name).unwrap().to_bits()).collect(),
             stored: (
                 match loaded {
                     Loaded::Nothing => 0,
@@ -234,9 +225,7 @@ impl Vehicle {
                 stored == params,
             ),
             owed: self.owed.clone(),
-            storing: self
-                .storing
-                .map(|order| (order, self.written(), self.steps_to_save)),
+            storing: self.storing.map(|order| (order, self.written(), self.steps_to_save)),
             reset: self.world.reset_at.is_some(),
             port: match self.world.port {
                 Port::Absent => 0,

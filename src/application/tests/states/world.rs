@@ -77,17 +77,10 @@ impl Chip {
             sample.gyr[0] += (self.bursts % 3) as i16 - 1;
             sample.acc[2] -= self.thrust;
             if self.trouble == Trouble::Wild {
-                sample.acc[1] = if self.bursts.is_multiple_of(2) {
-                    15_000
-                } else {
-                    -15_000
-                };
+                sample.acc[1] = if self.bursts.is_multiple_of(2) { 15_000 } else { -15_000 };
             }
             let words = [sample.acc, sample.mag, sample.gyr];
-            let bytes = words
-                .as_flattened()
-                .iter()
-                .flat_map(|word| word.to_le_bytes());
+            let bytes = words.as_flattened().iter().flat_map(|word| word.to_le_bytes());
             for (place, byte) in self.pages[0][8..].iter_mut().zip(bytes) {
                 *place = byte;
             }

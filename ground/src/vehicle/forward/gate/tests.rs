@@ -9,9 +9,7 @@ const STRANGER: &str = "192.168.1.66";
 fn gate(accepted: &[&str], key: Option<u8>) -> Gate {
     use clap::{Args, Command, FromArgMatches};
     let command = Admission::augment_args(Command::new("gate"));
-    let words = accepted
-        .iter()
-        .flat_map(|from| ["--accept-commands-from", from]);
+    let words = accepted.iter().flat_map(|from| ["--accept-commands-from", from]);
     let found = command.get_matches_from(std::iter::once("gate").chain(words));
     let admission = Admission::from_arg_matches(&found).unwrap();
     Gate::new(admission, STATION.parse().unwrap(), key.map(signing))
@@ -27,9 +25,7 @@ fn frame(message: &MavMessage) -> Vec<u8> {
 }
 
 fn question() -> Vec<u8> {
-    frame(&MavMessage::PARAM_REQUEST_LIST(
-        PARAM_REQUEST_LIST_DATA::default(),
-    ))
+    frame(&MavMessage::PARAM_REQUEST_LIST(PARAM_REQUEST_LIST_DATA::default()))
 }
 
 /// What changes something: an order of each kind, and a parameter.
@@ -85,10 +81,7 @@ fn the_station_that_is_shown_the_vehicle_may_ask() {
     assert_eq!(incoming(&mut gate, &mixed, STATION), list);
     let beat = frame(&request::heartbeat());
     let refused = gate.refused;
-    assert!(
-        incoming(&mut gate, &beat, STATION).is_empty(),
-        "it would be watched over"
-    );
+    assert!(incoming(&mut gate, &beat, STATION).is_empty(), "it would be watched over");
     assert_eq!(gate.refused, refused, "every station sends it");
 }
 
@@ -98,11 +91,7 @@ fn with_a_key_commands_are_signed_whoever_sends_them() {
         let mut gate = gate(&[STATION], Some(0));
         for command in commands() {
             let (right, wrong) = (signing(0).sign(&command), signing(1).sign(&command));
-            assert_eq!(
-                incoming(&mut gate, &right, from),
-                command,
-                "unsigned to the vehicle"
-            );
+            assert_eq!(incoming(&mut gate, &right, from), command, "unsigned to the vehicle");
             for refused in [&command, &wrong, &right] {
                 assert!(incoming(&mut gate, refused, from).is_empty());
             }

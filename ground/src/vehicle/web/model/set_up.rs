@@ -72,12 +72,7 @@ pub struct Question {
 impl SetUp {
     /// A step begins.
     pub fn begin(&mut self, step: Step) {
-        *self = Self {
-            running: true,
-            step,
-            asked: self.asked,
-            ..Self::default()
-        };
+        *self = Self { running: true, step, asked: self.asked, ..Self::default() };
     }
 
     /// Takes in an answer.

@@ -152,9 +152,7 @@ impl Drop for Session<'_> {
 /// disarm was obeyed as far as it matters.
 pub fn fault_that_stays(failure: &Failure) -> Option<String> {
     let fault = failure.persisting_fault()?;
-    Some(format!(
-        "the rudder is at neutral; the fault stays: {fault}"
-    ))
+    Some(format!("the rudder is at neutral; the fault stays: {fault}"))
 }
 
 /// Tells the person at the terminal, who may be gone.

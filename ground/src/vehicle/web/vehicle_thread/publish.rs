@@ -38,10 +38,7 @@ impl Session<'_> {
         let releases = self.releases.take(message, || Circumstances {
             parameters: client.parameters().cloned().collect(),
             test: model.lock().test.under_way(),
-            log: self
-                .recording
-                .as_ref()
-                .map(|path| path.display().to_string()),
+            log: self.recording.as_ref().map(|path| path.display().to_string()),
         });
         if let Some(releases) = releases {
             *model.lock().releases = releases.to_vec();
@@ -168,10 +165,7 @@ impl Session<'_> {
             unhealthy: unhealthy(&self.health),
             health: status.health,
             round_trip_ms: self.round_trip_ms,
-            recording: self
-                .recording
-                .as_ref()
-                .map(|path| path.display().to_string()),
+            recording: self.recording.as_ref().map(|path| path.display().to_string()),
             recording_failure: self.recording_failure.clone(),
         };
         *self.model.lock().status = status;
@@ -182,14 +176,9 @@ impl Session<'_> {
 fn unhealthy(status: &SYS_STATUS_DATA) -> Vec<String> {
     let words = |name: &str| {
         let name = name.trim_start_matches("MAV_SYS_STATUS_");
-        name.trim_start_matches("SENSOR_")
-            .replace('_', " ")
-            .to_lowercase()
+        name.trim_start_matches("SENSOR_").replace('_', " ").to_lowercase()
     };
-    sick(status)
-        .iter_names()
-        .map(|(name, _)| words(name))
-        .collect()
+    sick(status).iter_names().map(|(name, _)| words(name)).collect()
 }
 
 /// Three decimals are enough to look at.

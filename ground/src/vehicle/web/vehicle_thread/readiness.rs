@@ -60,11 +60,7 @@ impl Session<'_> {
             }
             (Some(StateKind::Boot | StateKind::SelfTest | StateKind::Latched), _) => {
                 let said = client.reason();
-                let words = if said.is_empty() {
-                    client.state_name()
-                } else {
-                    said.to_owned()
-                };
+                let words = if said.is_empty() { client.state_name() } else { said.to_owned() };
                 (false, words)
             }
             _ => (false, String::new()),

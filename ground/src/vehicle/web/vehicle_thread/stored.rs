@@ -85,8 +85,5 @@ impl Session<'_> {
 
 /// Where the board shows its memory.
 fn is_idle(state: StateKind) -> bool {
-    matches!(
-        state,
-        StateKind::Boot | StateKind::SelfTest | StateKind::Standby
-    )
+    matches!(state, StateKind::Boot | StateKind::SelfTest | StateKind::Standby)
 }

@@ -20,10 +20,7 @@ fn ask(
     order: request::Order,
     until: Duration,
 ) -> oneshot::Receiver<Result<()>> {
-    let condition = Condition {
-        until: Some(Instant::now() + until),
-        unless: None,
-    };
+    let condition = Condition { until: Some(Instant::now() + until), unless: None };
     let (reply, answer) = oneshot::channel();
     let ask = Ask::Request(Request::Order(order), condition, reply);
     session.take(ask).unwrap();

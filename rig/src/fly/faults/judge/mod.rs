@@ -89,10 +89,9 @@ impl Rudder<'_> {
             })
         });
         let high = self.high.map(|high| end.saturating_sub(high.rise));
-        let stuck = high.filter(|high| *high > frame).map(|high| Stray {
-            is_last: true,
-            what: Unsafe::High(high),
-        });
+        let stuck = high
+            .filter(|high| *high > frame)
+            .map(|high| Stray { is_last: true, what: Unsafe::High(high) });
         strays.chain(stuck).collect()
     }
 }

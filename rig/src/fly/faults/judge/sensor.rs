@@ -34,19 +34,12 @@ pub(crate) struct SensorRun<'a> {
 
 /// The ending, and the longest time for which a rudder was without valid data.
 pub(crate) fn judge_sensor(run: &SensorRun<'_>) -> (Ending, Ticks) {
-    let unguarded = run
-        .rudders
-        .iter()
-        .map(|rudder| run.longest_unguarded(rudder));
+    let unguarded = run.rudders.iter().map(|rudder| run.longest_unguarded(rudder));
     let unguarded = unguarded.max().unwrap_or_default();
     let state = run.heartbeats.last().and_then(|beat| beat.state);
     let reset = run.reset.then_some(Unsafe::Reset);
     let wrong = reset
-        .or_else(|| {
-            run.rudders
-                .iter()
-                .find_map(|rudder| run.wrong_pulses(rudder))
-        })
+        .or_else(|| run.rudders.iter().find_map(|rudder| run.wrong_pulses(rudder)))
         .or_else(|| (unguarded > DEADLINE).then_some(Unsafe::Unguarded));
     let ending = match (wrong, state) {
         (Some(wrong), _) => Ending::Unsafe(wrong),
@@ -67,9 +60,7 @@ impl SensorRun<'_> {
         let mut longest = Ticks::ZERO;
         let mut valid = self.valid_steps().peekable();
         let mut last_valid = self.injected;
-        let mut off_neutral = rudder
-            .before
-            .is_some_and(|pulse| !rudder.is_neutral(&pulse));
+        let mut off_neutral = rudder.before.is_some_and(|pulse| !rudder.is_neutral(&pulse));
         for pulse in rudder.pulses {
             while let Some(step) = valid.next_if(|step| *step <= pulse.rise) {
                 if off_neutral {
@@ -166,10 +157,7 @@ mod tests {
                 valid: valid(time),
                 alone: false,
             });
-            truth.steps.push(Step {
-                start: ms(time) + Ticks::from_us(10),
-                end: ms(time + 1),
-            });
+            truth.steps.push(Step { start: ms(time) + Ticks::from_us(10), end: ms(time + 1) });
             if time % 20 == 10 {
                 truth.pulses.push(pulse(ms(time + 2), width_us(time)));
             }
@@ -212,10 +200,7 @@ mod tests {
         let beats = [beat(0, StateKind::Active), beat(80, StateKind::Failsafe)];
         assert_eq!(judged(&neutral_from(90), &beats), (Ending::Neutral, 92));
         let beats = [beat(0, StateKind::Active), beat(180, StateKind::Failsafe)];
-        assert_eq!(
-            judged(&neutral_from(190), &beats),
-            (Ending::Unsafe(Unsafe::Unguarded), 192)
-        );
+        assert_eq!(judged(&neutral_from(190), &beats), (Ending::Unsafe(Unsafe::Unguarded), 192));
     }
 
     #[test]
@@ -223,10 +208,7 @@ mod tests {
         let gap = |until: u64| truth(move |t| t < 100 || t >= until, |_| ACTIVE);
         let beats = [beat(0, StateKind::Active)];
         assert_eq!(judged(&gap(180), &beats), (Ending::Recovered, 90));
-        assert_eq!(
-            judged(&gap(250), &beats).0,
-            Ending::Unsafe(Unsafe::Unguarded)
-        );
+        assert_eq!(judged(&gap(250), &beats).0, Ending::Unsafe(Unsafe::Unguarded));
         // With the rudder at neutral nothing is steered by wrong data.
         let resting = truth(|_| false, |_| NEUTRAL);
         assert_eq!(judged(&resting, &beats).0, Ending::Recovered);
@@ -237,31 +219,16 @@ mod tests {
         let active = [beat(0, StateKind::Active)];
         let mut gap = truth(|_| true, |_| ACTIVE);
         gap.pulses.remove(20);
-        assert_eq!(
-            judged(&gap, &active).0,
-            Ending::Unsafe(Unsafe::NoPulse(ms(40)))
-        );
+        assert_eq!(judged(&gap, &active).0, Ending::Unsafe(Unsafe::NoPulse(ms(40))));
         let mut ends = truth(|_| true, |_| ACTIVE);
         ends.pulses.truncate(40);
-        assert!(matches!(
-            judged(&ends, &active).0,
-            Ending::Unsafe(Unsafe::NoPulse(_))
-        ));
+        assert!(matches!(judged(&ends, &active).0, Ending::Unsafe(Unsafe::NoPulse(_))));
         let wild = truth(|_| true, |t| if t == 510 { 300.0 } else { ACTIVE });
-        assert!(matches!(
-            judged(&wild, &active).0,
-            Ending::Unsafe(Unsafe::WildPulse(_))
-        ));
+        assert!(matches!(judged(&wild, &active).0, Ending::Unsafe(Unsafe::WildPulse(_))));
         let mut cut_one = truth(|_| true, |_| ACTIVE);
         cut_one.pulses[20] = cut(cut_one.pulses[20], 900.0);
-        assert_eq!(
-            judged(&cut_one, &active).0,
-            Ending::Unsafe(Unsafe::CutPulse(900.0))
-        );
-        let kick = truth(
-            |_| true,
-            |t| if t < 100 || t == 510 { ACTIVE } else { NEUTRAL },
-        );
+        assert_eq!(judged(&cut_one, &active).0, Ending::Unsafe(Unsafe::CutPulse(900.0)));
+        let kick = truth(|_| true, |t| if t < 100 || t == 510 { ACTIVE } else { NEUTRAL });
         assert!(matches!(
             judged(&kick, &[beat(80, StateKind::Failsafe)]).0,
             Ending::Unsafe(Unsafe::PulseInFailsafe(_))

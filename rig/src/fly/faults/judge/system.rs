@@ -138,10 +138,7 @@ pub(crate) fn judge_system(run: &SystemRun<'_>) -> Verdict {
 /// The pulse that rose next to a time.
 fn nearest(pulses: &[Pulse], time: Ticks) -> Option<&Pulse> {
     let after = pulses.partition_point(|pulse| pulse.rise < time);
-    let around = [
-        after.checked_sub(1).and_then(|at| pulses.get(at)),
-        pulses.get(after),
-    ];
+    let around = [after.checked_sub(1).and_then(|at| pulses.get(at)), pulses.get(after)];
     let distance = |pulse: &&Pulse| pulse.rise.0.abs_diff(time.0);
     around.into_iter().flatten().min_by_key(distance)
 }
@@ -178,10 +175,7 @@ impl SystemRun<'_> {
     fn wrong_end(&self, is_controlled: bool) -> Option<Unsafe> {
         let end = self.truth.motion.last()?.time;
         self.rudders.iter().find_map(|rudder| {
-            let last = rudder
-                .pulses
-                .last()
-                .map_or(self.injected, |pulse| pulse.rise);
+            let last = rudder.pulses.last().map_or(self.injected, |pulse| pulse.rise);
             let gap = end.saturating_sub(last);
             // Behind a reset the bootloader may be at work; what was before it counts then.
             if gap > self.frame + self.frame && self.resets.is_empty() {
@@ -239,11 +233,7 @@ impl SystemRun<'_> {
 
     /// The longest time without a pulse behind one that was not neutral.
     fn longest_silence(&self, rudder: &Rudder<'_>) -> Ticks {
-        let end = self
-            .truth
-            .motion
-            .last()
-            .map_or(self.injected, |motion| motion.time);
+        let end = self.truth.motion.last().map_or(self.injected, |motion| motion.time);
         let all = rudder.before.iter().chain(rudder.pulses);
         let nexts = rudder.pulses.iter().map(|pulse| pulse.rise).chain([end]);
         all.zip(nexts)
@@ -295,9 +285,7 @@ impl SystemRun<'_> {
 /// first pulses behind the release, from a positive angle.
 fn restoring(rudder: &Rudder<'_>, reference: &[Pulse]) -> f64 {
     let off = reference.iter().find(|pulse| !rudder.is_neutral(pulse));
-    off.map_or(1.0, |pulse| {
-        (pulse.width_us() - rudder.neutral_us.start()).signum()
-    })
+    off.map_or(1.0, |pulse| (pulse.width_us() - rudder.neutral_us.start()).signum())
 }
 
 #[cfg(test)]
@@ -411,10 +399,7 @@ mod tests {
         let short = wrong(100, 300).judged();
         assert_eq!((short.ending, short.wrong), (Ending::Recovered, ms(200)));
         assert!(!short.harmless);
-        assert_eq!(
-            wrong(100, 320).judged().ending,
-            Ending::Unsafe(Unsafe::Driven(ms(220)))
-        );
+        assert_eq!(wrong(100, 320).judged().ending, Ending::Unsafe(Unsafe::Driven(ms(220))));
         // A clock that is off by as much makes every pulse so.
         let mut slow = wrong(100, 900);
         slow.clock_error = -0.1;
@@ -495,10 +480,7 @@ mod tests {
         assert_eq!(verdict.ending, Ending::Recovered);
         assert_eq!((verdict.wrong, verdict.strays), (ms(20), 1));
         let rise = ms(990);
-        seen.truth.high[0] = Some(High {
-            rise: rise - ms(400),
-            asked: seen.truth.pulses[0].asked,
-        });
+        seen.truth.high[0] = Some(High { rise: rise - ms(400), asked: seen.truth.pulses[0].asked });
         seen.truth.pulses.truncate(29);
         let high = Ending::Unsafe(Unsafe::High(ms(409)));
         let verdict = seen.judged();
@@ -508,9 +490,7 @@ mod tests {
     #[test]
     fn pulses_must_go_on() {
         assert!(matches!(
-            Seen::flight(|at| if at < 900 { ACTIVE } else { 0.0 })
-                .judged()
-                .ending,
+            Seen::flight(|at| if at < 900 { ACTIVE } else { 0.0 }).judged().ending,
             Ending::Unsafe(Unsafe::NoPulse(_))
         ));
     }
@@ -526,10 +506,7 @@ mod tests {
         assert!(!off(0.3).is_unsafe() && off(3.0).is_unsafe());
         let mut armed = Seen::new(Phase::Standby, StateKind::Standby, |_| NEUTRAL);
         armed.beats.push(beat(500, StateKind::Armed));
-        assert_eq!(
-            armed.judged().ending,
-            Ending::Unsafe(Unsafe::Unordered(StateKind::Armed))
-        );
+        assert_eq!(armed.judged().ending, Ending::Unsafe(Unsafe::Unordered(StateKind::Armed)));
         armed.commanded = true;
         assert!(!armed.is_unsafe(), "the host has ordered it");
         let mut other = Seen::new(Phase::Saving, StateKind::Standby, |_| NEUTRAL);

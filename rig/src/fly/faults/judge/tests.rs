@@ -29,28 +29,16 @@ pub(crate) fn motion(pitch_rad: f64) -> Vec<Motion> {
 }
 
 pub(crate) fn beat(at: u64, state: StateKind) -> Heartbeat {
-    Heartbeat {
-        at: ms(at),
-        state: Some(state),
-        reason: 0,
-        armed: false,
-    }
+    Heartbeat { at: ms(at), state: Some(state), reason: 0, armed: false }
 }
 
 /// As wide as it was asked for.
 pub(crate) fn pulse(rise: Ticks, width_us: f64) -> Pulse {
     let width = Ticks::from_secs_f64(width_us * 1e-6);
-    Pulse {
-        rise,
-        fall: rise + width,
-        asked: Asked([width; 2]),
-    }
+    Pulse { rise, fall: rise + width, asked: Asked([width; 2]) }
 }
 
 /// The same, cut to a width.
 pub(crate) fn cut(pulse: Pulse, width_us: f64) -> Pulse {
-    Pulse {
-        fall: pulse.rise + Ticks::from_secs_f64(width_us * 1e-6),
-        ..pulse
-    }
+    Pulse { fall: pulse.rise + Ticks::from_secs_f64(width_us * 1e-6), ..pulse }
 }

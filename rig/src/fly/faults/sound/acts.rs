@@ -113,12 +113,7 @@ impl Acts {
             || phase == Phase::Flight && kind != SoundKind::Rest && dice.random_bool(0.3);
         let vibration = vibrates.then(|| vibration(dice));
         let mut words = format!("{motion:?}, host {host:?}");
-        if let Some(Vibration {
-            acc_m_s2,
-            frequency_hz,
-            ..
-        }) = vibration
-        {
+        if let Some(Vibration { acc_m_s2, frequency_hz, .. }) = vibration {
             words += &format!(", {acc_m_s2:.1} m/s2 at {frequency_hz:.0} Hz");
         }
         Self {
@@ -299,11 +294,7 @@ fn vibration(dice: &mut impl Rng) -> Vibration {
 }
 
 fn knock(dice: &mut impl Rng) -> Knock {
-    let swings_hz = if dice.random() {
-        octaves(20.0..400.0, dice)
-    } else {
-        0.0
-    };
+    let swings_hz = if dice.random() { octaves(20.0..400.0, dice) } else { 0.0 };
     // Nothing pushes a vehicle to one side at 16 g for as long as it can rattle.
     let longest_s = if swings_hz > 0.0 { 0.3 } else { 0.03 };
     Knock {

@@ -75,9 +75,7 @@ impl Alarms {
 impl fmt::Display for Alarms {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let counts = self.counts().into_iter().filter(|(_, count)| *count > 0);
-        let counts: Vec<_> = counts
-            .map(|(what, count)| format!("{what} {count}"))
-            .collect();
+        let counts: Vec<_> = counts.map(|(what, count)| format!("{what} {count}")).collect();
         f.write_str(&counts.join(", "))?;
         if !self.details.is_empty() {
             write!(f, " ({})", self.details.join("; "))?;
@@ -117,16 +115,11 @@ pub(super) struct Seen<'a> {
 impl Seen<'_> {
     /// The alarms, but for those of orders and parameters.
     pub(super) fn alarms(&self) -> Alarms {
-        let mut alarms = Alarms {
-            resets: self.resets.len(),
-            ..Alarms::default()
-        };
-        alarms
-            .details
-            .extend(self.resets.iter().take(2).map(|(at, cause)| {
-                let since = at.saturating_sub(self.begin).as_secs_f64();
-                format!("{cause:?} reset at {since:.3} s")
-            }));
+        let mut alarms = Alarms { resets: self.resets.len(), ..Alarms::default() };
+        alarms.details.extend(self.resets.iter().take(2).map(|(at, cause)| {
+            let since = at.saturating_sub(self.begin).as_secs_f64();
+            format!("{cause:?} reset at {since:.3} s")
+        }));
         self.judge_states(&mut alarms);
         self.judge_steps(&mut alarms);
         self.judge_pulses(&mut alarms);
@@ -209,9 +202,7 @@ impl Seen<'_> {
             if timing.jitter_us_max > JITTER_US {
                 alarms.late += 1;
                 let jitter_us = timing.jitter_us_max;
-                alarms
-                    .details
-                    .push(format!("a period {jitter_us:.0} us off"));
+                alarms.details.push(format!("a period {jitter_us:.0} us off"));
             }
         }
     }
@@ -239,9 +230,7 @@ impl Seen<'_> {
     /// Steps that did not come at all.
     fn gaps(&self) -> usize {
         let steps = self.within(self.begin, self.end).windows(2);
-        steps
-            .filter(|pair| pair[1].start - pair[0].start > STEP_GAP)
-            .count()
+        steps.filter(|pair| pair[1].start - pair[0].start > STEP_GAP).count()
     }
 
     /// The largest changes from burst to burst: what a rule may have refused.
@@ -282,10 +271,7 @@ impl Seen<'_> {
                 wrong.extend(off.map(|pulse| format!("a pulse of {:.1} us", pulse.width_us())));
             }
             if !self.commanded && self.phase != Phase::Start {
-                let rests = rudder
-                    .pulses
-                    .windows(2)
-                    .map(|pair| pair[1].rise - pair[0].rise);
+                let rests = rudder.pulses.windows(2).map(|pair| pair[1].rise - pair[0].rise);
                 let rests = rests.filter(|rest| *rest > latest);
                 wrong.extend(
                     rests.map(|rest| format!("no pulse for {:.1} ms", rest.as_us_f64() / 1e3)),
@@ -329,14 +315,9 @@ mod tests {
                     valid: true,
                     alone: false,
                 });
-                truth.steps.push(Step {
-                    start: ms(time) + Ticks::from_us(20),
-                    end: ms(time + 1),
-                });
+                truth.steps.push(Step { start: ms(time) + Ticks::from_us(20), end: ms(time + 1) });
             }
-            truth.pulses = (0..50)
-                .map(|frame| pulse(ms(20 * frame), NEUTRAL))
-                .collect();
+            truth.pulses = (0..50).map(|frame| pulse(ms(20 * frame), NEUTRAL)).collect();
             truth.motion = motion(0.0);
             Self {
                 phase,
@@ -373,10 +354,7 @@ mod tests {
                 heartbeats: &self.beats,
                 texts: vec!["hello", "failsafe: why"],
                 resets: &self.resets,
-                missed: Some([
-                    (ms(0), 65_535),
-                    (ms(1000), 65_535_u16.wrapping_add(self.missed)),
-                ]),
+                missed: Some([(ms(0), 65_535), (ms(1000), 65_535_u16.wrapping_add(self.missed))]),
             }
             .alarms()
         }
@@ -409,15 +387,10 @@ mod tests {
         run.beats.push(beat(950, StateKind::Latched));
         assert_eq!(run.counts(), [("resets", 1), ("latched faults", 1)]);
         let said = run.alarms().to_string();
-        assert!(
-            said.contains("Watchdog reset at 0.500 s; \"failsafe: why\""),
-            "{said}"
-        );
+        assert!(said.contains("Watchdog reset at 0.500 s; \"failsafe: why\""), "{said}");
         let mut run = Sound::in_flight();
-        run.beats.push(Heartbeat {
-            reason: ReasonKind::Sensor as u8,
-            ..beat(950, StateKind::Failsafe)
-        });
+        run.beats
+            .push(Heartbeat { reason: ReasonKind::Sensor as u8, ..beat(950, StateKind::Failsafe) });
         assert_eq!(run.counts(), [("failsafes", 1)]);
         run.resets_sensor = true;
         assert_eq!(run.counts(), []);
@@ -429,10 +402,7 @@ mod tests {
         run.commanded = false;
         assert_eq!(run.counts(), [("failsafes", 1)]);
         // A start that does not come to standby.
-        assert_eq!(
-            Sound::new(Phase::Start, StateKind::SelfTest).counts(),
-            [("other states", 1)]
-        );
+        assert_eq!(Sound::new(Phase::Start, StateKind::SelfTest).counts(), [("other states", 1)]);
     }
 
     #[test]
@@ -442,10 +412,7 @@ mod tests {
         assert_eq!(run.counts(), [("bursts refused", 2)]);
         // One of the two had none.
         run.truth.bursts.remove(50);
-        assert_eq!(
-            run.counts(),
-            [("bursts refused", 1), ("steps lost", 1), ("loops late", 1)]
-        );
+        assert_eq!(run.counts(), [("bursts refused", 1), ("steps lost", 1), ("loops late", 1)]);
         // While the processor stands still for a save, both may be.
         run.saves = true;
         assert_eq!(run.counts(), []);

@@ -141,10 +141,7 @@ impl Sound {
     /// There are no such parts.
     pub fn with_hardware(self, hardware: &str) -> Result<Self, String> {
         hardware.parse::<crate::bench::Hardware>()?;
-        Ok(Self {
-            hardware: hardware.to_owned(),
-            ..self
-        })
+        Ok(Self { hardware: hardware.to_owned(), ..self })
     }
 
     /// Carries out a run. The same one of the same campaign always ends in the same way.
@@ -152,10 +149,7 @@ impl Sound {
     /// # Errors
     /// Impossible parameters of the drone.
     pub fn run(&self, kind: SoundKind, number: u32) -> Result<Outcome, FlightError> {
-        let case = Case {
-            kind: Kind::Sound(kind),
-            number,
-        };
+        let case = Case { kind: Kind::Sound(kind), number };
         let mut setup = self.setup.clone();
         let frame_hz = u64::from(setup.servo.frame_hz() as u32);
         let of_vehicle = (self.phase as u64) << 8 | frame_hz << 12 | setup.rig.bench.axes() as u64;
@@ -287,9 +281,8 @@ impl Run<'_> {
         };
         let received = ready.station.received();
         let axes = self.params.axes().iter();
-        let neutral_us: Vec<_> = axes
-            .map(|axis| (*axis, neutral_us(&self.params, *axis)))
-            .collect();
+        let neutral_us: Vec<_> =
+            axes.map(|axis| (*axis, neutral_us(&self.params, *axis))).collect();
         let texts = received.texts[texts..].iter();
         let missed = counted.zip(newest_missed(ready));
         let seen = Seen {

@@ -81,10 +81,7 @@ pub(super) fn draw(
     setup.rig.bench.sensor.errors = errors;
     if let Some(stored) = &mut setup.rig.stored {
         let offsets = errors.acc_offset_m_s2.into_iter();
-        for (name, offset) in ["CAL_ACC_OX", "CAL_ACC_OY", "CAL_ACC_OZ"]
-            .iter()
-            .zip(offsets)
-        {
+        for (name, offset) in ["CAL_ACC_OX", "CAL_ACC_OY", "CAL_ACC_OZ"].iter().zip(offsets) {
             let left = CALIBRATED_G * STANDARD_GRAVITY_M_S2;
             let known = offset + dice.random_range(-left..left);
             let set = stored.set(name, known as f32);
@@ -109,34 +106,23 @@ pub(super) fn draw(
     };
     let tilt_rad = [side(0.5, dice), roll_rad];
     let offsets = errors.gyro_bias_rad_s.unwrap_or_default();
-    let offsets = offsets
-        .map(|rad_s| format!("{:.1}", rad_s.to_degrees()))
-        .join("/");
+    let offsets = offsets.map(|rad_s| format!("{:.1}", rad_s.to_degrees())).join("/");
     let mut words = format!("{hardware}; {frame_hz} Hz, gyro offset {offsets} deg/s");
     for (name, value) in &parameters[1..] {
         words += &format!(", {name} {value}");
     }
     if let Some(t) = temperature {
-        words += &format!(
-            ", {:.0} to {:.0} C in {:.0} s",
-            t.from_c, t.to_c, t.time_constant_s
-        );
+        words += &format!(", {:.0} to {:.0} C in {:.0} s", t.from_c, t.to_c, t.time_constant_s);
     }
     let named = parameters.into_iter();
     let parameters = named.map(|(name, value)| (name.to_owned(), value as f32));
     setup.parameters.extend(parameters);
-    Parts {
-        words,
-        frame_hz,
-        tilt_rad,
-    }
+    Parts { words, frame_hz, tilt_rad }
 }
 
 /// Settings of `--hardware`.
 fn hardware(phase: Phase, dice: &mut impl Rng) -> Vec<String> {
-    let host = ["bare", "linux", "windows", "macos"]
-        .choose(dice)
-        .unwrap_or(&"bare");
+    let host = ["bare", "linux", "windows", "macos"].choose(dice).unwrap_or(&"bare");
     let mut settings = vec![
         "sensor-clock=3".to_owned(),
         format!("noise={:.2}", octaves(0.5..3.0, dice)),
@@ -164,12 +150,7 @@ fn hardware(phase: Phase, dice: &mut impl Rng) -> Vec<String> {
     if dice.random_bool(0.3) {
         settings.push(format!("stop-write={}", dice.random_range(0..=200)));
     }
-    for other in [
-        "address=0x29",
-        "bootloader=arduino",
-        "bootloader=uf2",
-        "user-row=bootprot",
-    ] {
+    for other in ["address=0x29", "bootloader=arduino", "bootloader=uf2", "user-row=bootprot"] {
         if dice.random_bool(0.3) {
             settings.push(other.into());
         }
@@ -185,11 +166,7 @@ fn stretch(range_us: Range<u64>, dice: &mut impl Rng) -> String {
 }
 
 fn errors(dice: &mut impl Rng) -> ImuErrors {
-    let acc_g = if dice.random() {
-        ACC_OFFSET_G
-    } else {
-        UNCALIBRATED_G
-    };
+    let acc_g = if dice.random() { ACC_OFFSET_G } else { UNCALIBRATED_G };
     let mut soft_iron = ImuErrors::NONE.soft_iron;
     for part in soft_iron.as_flattened_mut() {
         *part += dice.random_range(-0.1..0.1);
@@ -227,20 +204,10 @@ mod tests {
             let mut dice = generator(seed, Stream::Campaign);
             let servo = [ServoKind::S3003, ServoKind::Digital][seed as usize % 2];
             let mut setup = Setup::with_polarity(servo, seed);
-            let parts = draw(
-                &mut setup,
-                Phase::Flight,
-                "noise=2,stretch=111",
-                false,
-                &mut dice,
-            );
+            let parts = draw(&mut setup, Phase::Flight, "noise=2,stretch=111", false, &mut dice);
             assert_eq!(setup.rig.hardware.noise, 2.0, "{}", parts.words);
             assert_eq!(setup.rig.hardware.sensor.bus.stretch_us, 111..=111);
-            assert!(
-                setup.rig.bench.disturbances.check().is_ok(),
-                "{}",
-                parts.words
-            );
+            assert!(setup.rig.bench.disturbances.check().is_ok(), "{}", parts.words);
             for (name, value) in &setup.parameters {
                 let mut params = tvc_nano::Params::default();
                 assert!(params.set(name, *value).is_ok(), "{name} {value}");

@@ -33,12 +33,9 @@ fn levels(rig: &mut Rig, now: u64) -> u8 {
 /// Table 31-4. At 50 all channels are high, at 200 all but 0, at 400 channels 2 and 3.
 #[test]
 fn the_matrix_distributes_the_channels() {
-    for (otmx, at_200, at_400) in [
-        (0, 0b1110_1110, 0b1100_1100),
-        (1, 0b1010_1010, 0),
-        (2, 0, 0),
-        (3, 0b1111_1110, 0),
-    ] {
+    for (otmx, at_200, at_400) in
+        [(0, 0b1110_1110, 0b1100_1100), (1, 0b1010_1010, 0), (2, 0, 0), (3, 0b1111_1110, 0)]
+    {
         let mut rig = rig(otmx, 0, 0, 0);
         let seen = [50, 200, 400].map(|now| levels(&mut rig, now));
         assert_eq!(seen, [0xFF, at_200, at_400], "OTMX {otmx}");

@@ -60,16 +60,9 @@ fn no_pulse_from_then_on() {
         assert_eq!(flipped(offset, bit), silent, "{offset:#x} {bit}");
     }
     // The counter stands: STOP, FAULT0, FAULT1, the command, events to be counted, CPTEN1.
-    for (offset, bit) in [
-        (0x30, 0),
-        (0x30, 14),
-        (0x30, 15),
-        (0x04, 6),
-        (0x20, 1),
-        (0x20, 2),
-        (0x20, 5),
-        (0x00, 25),
-    ] {
+    for (offset, bit) in
+        [(0x30, 0), (0x30, 14), (0x30, 15), (0x04, 6), (0x20, 1), (0x20, 2), (0x20, 5), (0x00, 25)]
+    {
         assert_eq!(flipped(offset, bit), silent, "{offset:#x} {bit}");
     }
 }
@@ -79,11 +72,7 @@ fn a_pin_that_is_high_for_ever() {
     let first = SOUND[0];
     // Within a pulse: events to be counted, capture, the reserved way of generation.
     for (offset, bit) in [(0x20, 1), (0x00, 25), (0x3C, 0)] {
-        assert_eq!(
-            flipped_at(36_000, offset, bit),
-            [first],
-            "{offset:#x} {bit}"
-        );
+        assert_eq!(flipped_at(36_000, offset, bit), [first], "{offset:#x} {bit}");
     }
     // What releases the pin makes it low.
     for (offset, bit) in [(0x30, 0), (0x30, 14), (0x04, 6)] {
@@ -117,23 +106,14 @@ fn wrong_pulses() {
         );
     }
     // POL1: set by the match and cleared at the top from then on.
-    assert_eq!(
-        flipped(0x3C, 17)[2..],
-        [(1_032_000, true), (1_920_000, false), (1_992_000, true)]
-    );
+    assert_eq!(flipped(0x3C, 17)[2..], [(1_032_000, true), (1_920_000, false), (1_992_000, true)]);
     // WAVEGEN DSBOTH: 38.5 ms up to the top and down, of which it is high above 1.5 ms.
     let top = 480_000 + 479_999;
     assert_eq!(flipped(0x3C, 2)[2..], [(top + 959_999 + 72_000, true)],);
     // DIR in the midst of the gap: down to 1.5 ms, and from there to 0.
-    assert_eq!(
-        flipped(0x04, 0)[2..4],
-        [(480_000 + 408_000, true), (480_000 + 480_001, false)]
-    );
+    assert_eq!(flipped(0x04, 0)[2..4], [(480_000 + 408_000, true), (480_000 + 480_001, false)]);
     // RETRIGGER within a pulse lengthens it.
-    assert_eq!(
-        flipped_at(36_000, 0x04, 5)[..2],
-        [(0, true), (108_000, false)]
-    );
+    assert_eq!(flipped_at(36_000, 0x04, 5)[..2], [(0, true), (108_000, false)]);
     // RAMP2: every other frame. The first update makes it cycle B, which is channel 1's.
     assert_eq!(flipped(0x3C, 5), SOUND[..4]);
     // RAMP2A: with channel 0's width, which is 0.
@@ -143,10 +123,7 @@ fn wrong_pulses() {
     // RESOLUTION: COUNT is beyond the sixteenth of the period, and goes to 2^20.
     let end = 1 << 20;
     let edges = flipped(0x00, 5);
-    assert_eq!(
-        edges[2..5],
-        [(end, true), (end + 4500, false), (end + 60_000, true)]
-    );
+    assert_eq!(edges[2..5], [(end, true), (end + 4500, false), (end + 60_000, true)]);
 }
 
 #[test]
@@ -174,10 +151,7 @@ fn each_bit_that_flips_is_read_back_and_flips_back() {
     }
     // 11 registers of 24 bits; CTRLA 14, CTRLB 5, FCTRLx 2 times 26, WEXCTRL 22, DRVCTRL 32,
     // DBGCTRL 2, EVCTRL 23, INTENSET and INTFLAG 13, STATUS 11, PATTx 16, WAVEx 18.
-    assert_eq!(
-        bits,
-        264 + 14 + 5 + 52 + 22 + 32 + 2 + 23 + 26 + 11 + 32 + 36
-    );
+    assert_eq!(bits, 264 + 14 + 5 + 52 + 22 + 32 + 2 + 23 + 26 + 11 + 32 + 36);
     let mut rig = Rig::servo(72_000);
     rig.flip(0, 0x00, 0);
     assert_eq!(rig.read(0, 0x40), 0xFF_FFFF, "SWRST");

@@ -37,10 +37,7 @@ fn counting_down_the_pulse_is_at_the_end_of_the_cycle() {
     let mut rig = short(NPWM, DIR);
     rig.run(2500);
     // From 0 it goes on at the top, with the count 1; 699 counts later it is at 300.
-    assert_eq!(
-        rises_and_falls(&rig),
-        (vec![0, 1 + 699, 1001 + 699], vec![1, 1001, 2001])
-    );
+    assert_eq!(rises_and_falls(&rig), (vec![0, 1 + 699, 1001 + 699], vec![1, 1001, 2001]));
     assert_eq!(rig.read(2500, 0x2C) & OVF, OVF);
 }
 
@@ -116,10 +113,7 @@ fn circular_buffers_are_exchanged() {
     let mut rig = short(NPWM | 1 << 9, 0);
     rig.write(10, 0x74, 500);
     rig.run(2999);
-    assert_eq!(
-        rises_and_falls(&rig),
-        (vec![0, 1000, 2000], vec![300, 1500, 2300])
-    );
+    assert_eq!(rises_and_falls(&rig), (vec![0, 1000, 2000], vec![300, 1500, 2300]));
 }
 
 #[test]
@@ -153,10 +147,7 @@ fn a_retrigger_begins_anew_and_auto_lock_locks_the_buffers() {
     locked.write(1010, 0x74, 500);
     locked.run(2999);
     // The first update came, and locked the second.
-    assert_eq!(
-        rises_and_falls(&locked),
-        (vec![0, 1000, 2000], vec![300, 1400, 2400])
-    );
+    assert_eq!(rises_and_falls(&locked), (vec![0, 1000, 2000], vec![300, 1400, 2400]));
     assert_eq!(locked.read(2999, 0x04) & u32::from(LUPD), u32::from(LUPD));
 }
 
@@ -171,14 +162,7 @@ fn a_stop_releases_the_outputs_or_brings_them_to_the_safe_level() {
     rig.run(2000);
     assert_eq!(
         rig.edges,
-        [
-            (0, true),
-            (100, false),
-            (500, true),
-            (700, false),
-            (1400, true),
-            (1700, false)
-        ]
+        [(0, true), (100, false), (500, true), (700, false), (1400, true), (1700, false)]
     );
     // NRE5 and NRV5.
     let mut safe = Rig::new(SyncHold::Instant);
