@@ -1,15 +1,17 @@
 #!/usr/bin/env python3
-"""Check the prose and the links of documents, and the comments of Rust files.
+"""Check the prose and the links of documents, and the comments and texts of Rust files.
 
     python3 tools/prose.py               each finding as FILE:LINE: what: the words; status 1 where there is one
     python3 tools/prose.py FILE ...      those files alone
     python3 tools/prose.py --list        words, sentences, mean sentence and longest paragraph of each file
 
 Documents are README.md, CONTRIBUTING.md, docs/ and the crates' README.md. Their code blocks, tables, headings and
-comments are left out. A code span counts as one word. CONTRIBUTING.md has the rules.
+comments are left out. A code span counts as one word. Texts (help, messages) are string literals of six words or more,
+without lines that are set in columns. CONTRIBUTING.md has the rules.
 """
 
 import argparse
+import itertools
 import math
 import pathlib
 import re
@@ -32,6 +34,8 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 PATTERNS = ["README.md", "CONTRIBUTING.md", "docs/**/*.md", "*/README.md"]
 ITEM = re.compile(r"\s*(?:[-*+]|\d+[.)])\s+")
 END = re.compile(r"(?<!e\.g\.)(?<!i\.e\.)(?<=[.!?])[\"')\]]*\s+(?=[\"'(\[]*[^\W_a-z]|[\"'(\[]*`)")
+# A comment, a string or a character of a Rust file.
+LITERAL = re.compile(r'//[^\n]*|r#".*?"#|"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)\'', re.DOTALL)
 # What stands for a space and for the end of a sentence within a code span.
 HIDDEN = {" ": "\ue000", ".": "\ue001", "!": "\ue002", "?": "\ue003"}
 
@@ -87,13 +91,25 @@ def comments(text):
     return "\n".join(line[1] if line else "" for line in lines)
 
 
+def texts(text):
+    """The line and the paragraphs of each string literal of a Rust file."""
+    for literal in LITERAL.finditer(text):
+        if literal[0].startswith('"') and count(literal[0]) >= 6 and re.search("[a-z]{4}", literal[0]):
+            said = re.sub(r"\\\n\s*", "", literal[0][1:-1]).replace("\\n", "\n")
+            said = "\n".join("" if re.search(r"^ |\S {2,}\S", line) else line for line in said.split("\n"))
+            for paragraph in said.split("\n\n"):
+                yield text.count("\n", 0, literal.start()) + 1, paragraph
+
+
 def read(path):
     """The figures of a file, and its findings as line and words."""
     found, lengths, longest = [], [], 0
     written, banned = path.read_text(encoding="utf-8"), BANNED
+    pieces = paragraphs(written)
     if path.suffix == ".rs":
-        written, banned = comments(written), [turn for turn in BANNED if turn not in FREE_IN_COMMENTS]
-    for first, raw in paragraphs(written):
+        pieces = itertools.chain(paragraphs(comments(written)), texts(written))
+        banned = [turn for turn in BANNED if turn not in FREE_IN_COMMENTS]
+    for first, raw in pieces:
         text = plain(raw)
         words = count(text)
         longest = max(longest, words)

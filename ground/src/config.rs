@@ -76,7 +76,7 @@ impl Config {
             let names = ServoKind::value_variants().iter().map(|kind| kind.name());
             let names: Vec<_> = names.collect();
             ServoKind::from_str(text, false)
-                .map_err(|_| at("servo", format!("{text} is none of {}", names.join(", "))))?;
+                .map_err(|_| at("servo", format!("{text} is not one of {}", names.join(", "))))?;
         }
         Ok(config)
     }
@@ -147,7 +147,7 @@ mod tests {
             ("# mine\nprot = \"x\"\n", "line 2: unknown field `prot`"),
             ("port = 7\n", "line 1: invalid type"),
             ("\n\nport = \n", "line 3"),
-            ("\nservo = \"s9999\"\n", "line 2: servo: s9999 is none of s3003, digital"),
+            ("\nservo = \"s9999\"\n", "line 2: servo: s9999 is not one of s3003, digital"),
             ("place = \"91,0\"\n", "line 1: place: a place is"),
         ] {
             let path = write(folder.path(), "tvc.toml", text);

@@ -203,9 +203,9 @@ A scenario in full (only `seconds` must be there; docs/explanation/model.md expl
   hold_pitch = false             # true: the drone does not turn
   crank_stop = { angle_rad = 0.8, stiffness_n_m_rad = 50, damping_n_m_s = 0.02 }
 
-Over time, a value is a number; a table of [time in s, value] with times that increase, straight
-between points (an angle: smooth); { points = [[...]], between = \"hold\" }, or straight, or smooth;
-or a sine { offset = 0, amplitude = 0.1, period_s = 2, phase_rad = 0 }.
+Over time, a value is a number, a table or a sine. A table has [time in s, value] with times that
+increase, straight between points (an angle: smooth). { points = [[...]], between = \"hold\" } says
+hold, straight or smooth. A sine is { offset = 0, amplitude = 0.1, period_s = 2, phase_rad = 0 }.
 
 Examples:
   tvc model simulate scenarios/pd_ideal_servo.toml --out pd.csv

@@ -31,12 +31,13 @@ Examples:
   cargo lab experiment motion --hard-iron 5,0,0 --json
   cargo lab experiment static --no-noise --gyro-bias 0,0,0.1
 
-All estimators see the same samples of one simulated BNO055, 100 a second: those of the thesis as it
-set them (no offset learned at rest, every field believed, yaw of the complementary filter from the
-gyroscope after the first second), and ours. Mean and standard deviation are of the error, estimate less
-reference, roll, pitch and yaw in degrees; the combined RMSE is the root of the sum of the squares of
-the three. Required of Mahony and VQF: mean at most 1.5 deg an axis; at rest RMSE at most 0.4 deg
-combined, in motion at most 0.5 deg an axis.
+All estimators see the same samples of one simulated BNO055, 100 a second. Those of the thesis are set
+as in the thesis: no offset learned at rest, every field believed, yaw of the complementary filter from
+the gyroscope after the first second.
+
+Mean and standard deviation are of the error, estimate less reference, roll, pitch and yaw in degrees.
+The combined RMSE is the root of the sum of the squares of the three. Required of Mahony and VQF: mean
+at most 1.5 deg an axis; at rest RMSE at most 0.4 deg combined, in motion at most 0.5 deg an axis.
 
 Exit status: 0 ours meet the requirements, 1 one was missed or something failed, 2 unusable input.";
 

@@ -237,7 +237,7 @@ impl Row {
 impl campaign::Row for Row {
     fn check(&self, first: &Self) -> Result<(), String> {
         if !self.is_plausible() {
-            return Err(format!("run {} of {} has a time that is none", self.number, self.kind));
+            return Err(format!("run {} of {} has an impossible time", self.number, self.kind));
         }
         if (first.seed, first.in_common()) != (self.seed, self.in_common()) {
             let differs = "seed, campaign, vehicle, servo or phase differs";

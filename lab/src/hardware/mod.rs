@@ -34,12 +34,12 @@ Examples:
   cargo lab hardware --only stretch stop-read   those that set one of these keys
   cargo lab hardware --json > hardware.json     for a script
 
-Each row is what --hardware of `tvc fly` would be given; the image boots with it and flies from 0.2,
-0.4 and 0.8 rad, with an analog and with a digital servo. A row has the worst of its flights, which
-are held to what `tvc fly` requires. `burst` and `longest` are what the image itself reports of the
-transfers from its sensor. A sensor that holds the bus longer than some 280 us in each byte cannot be
-flown within 8 ms of latency with both servos, and above some 365 us the image refuses to arm: both
-are expected.
+Each row is an argument of `tvc fly --hardware`. With it the image boots and flies from 0.2, 0.4 and
+0.8 rad, with an analog and with a digital servo. A row has the worst of its flights, which must meet
+what `tvc fly` requires. `burst` and `longest` are what the image reports of its sensor's transfers.
+
+Two misses are expected. A sensor that holds the bus longer than some 280 us in each byte cannot be
+flown within 8 ms of latency with both servos. Above some 365 us the image refuses to arm.
 
 Exit status: 0 every row ended as expected, 1 one did not or something failed, 2 unusable input.")]
 pub struct HardwareCampaign {

@@ -282,9 +282,9 @@ impl Flying<'_> {
         ]);
         let (servo, flights) = (self.options.servo.name(), runs.len());
         let title = format!("Two axes on the virtual rig: servos {servo}, {flights} flights");
-        let words = "Parts of the drone's true tilt in axes that do not spin with it, released \
-             with 0.2 rad/s away from upright: of one axis and of both, with and without 1 rad/s \
-             about its own vertical, with the nose to the north, east and south-east. Cross \
+        let words = "Parts of the drone's true tilt in axes that do not spin with it. It is \
+             released with 0.2 rad/s away from upright, tilted in one axis and in both. It spins \
+             with 0 and 1 rad/s, and its nose points north, east and south-east. Cross \
              coupling is the largest angle of an axis that was upright, as a share of the other's \
              start.";
         Ok(told(&title, &[words], figures.into(), "starts", &plots(&sizes, 3, &runs)?))
@@ -384,8 +384,8 @@ impl Flying<'_> {
         let title =
             format!("{count} dispersed vehicles on the virtual rig: {vehicle}, servo {servo}");
         let words = "Thrust and inertia of each vehicle differ by up to 30 % from what its \
-             parameters say, its centre of mass by up to 20 mm in height, its servos by up to 20 % \
-             in speed and torque, their play by half, and the supply is up to 15 % low.";
+             parameters say, and its centre of mass by up to 20 mm in height. Its servos differ by \
+             up to 20 % in speed and torque and by half in play. The supply is up to 15 % low.";
         let lines = runs.iter().map(|run| {
             let path = run.path.iter();
             let path = path.map(|(at_s, [pitch, roll])| (*at_s, pitch.hypot(*roll)));

@@ -159,10 +159,10 @@ fn conditions_in_words() -> String {
     let [from_m, depth_m] = rocket::GUST_LAYER_M;
     let [rms_m_s, length_m] = rocket::TURBULENCE;
     format!(
-        "A rail {RAIL_TILT_DEG:.0} deg off the vertical; kicks of {} rad/s at {first}, {second}, \
-         {third} and {last} s, which turn the rocket by some 5 deg; a thrust \
-         {MISALIGNMENT_DEG:.0} deg off its axis; {} m/s of wind, a gust that rises to {} m/s and \
-         fades (1 - cos) from {from_m} to {} m, and turbulence of {rms_m_s} m/s rms in each \
+        "The rail is {RAIL_TILT_DEG:.0} deg off the vertical, the thrust \
+         {MISALIGNMENT_DEG:.0} deg off its axis. Kicks of {} rad/s at {first}, {second}, \
+         {third} and {last} s turn the rocket by some 5 deg. The wind is {} m/s. A gust rises to \
+         {} m/s and fades (1 - cos) from {from_m} to {} m. Turbulence is {rms_m_s} m/s rms in each \
          direction with a length of {length_m} m. All directions come from the seed.",
         rocket::KICK_RAD_S,
         rocket::WIND_M_S,
@@ -202,9 +202,9 @@ impl Flying<'_> {
         let title = format!("{count} dispersed rockets on the virtual rig");
         let plot = plot("The error of all rockets over each other.", &runs, |_| true)?;
         let words = "Each rocket differs from what its image was told: thrust by up to 5 %, \
-             inertia by 20 %, propellant by 3 %, the dry centre of mass by 0.3 m, the static margin \
-             by 0.4 diameters, speed and bandwidth of the gimbal by 20 %; wind, gust, rail and \
-             misalignment are anything up to the above. Every other airframe is unstable.";
+             inertia by 20 %, propellant by 3 %, the dry centre of mass by 0.3 m. The static margin \
+             differs by up to 0.4 diameters, speed and bandwidth of the gimbal by 20 %. Wind, gust, rail and \
+             misalignment are drawn up to the above. Every other airframe is unstable.";
         Ok(told(&title, &[&conditions_in_words(), words], figures, "", &[plot]))
     }
 

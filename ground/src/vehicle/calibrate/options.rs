@@ -12,9 +12,9 @@ use tvc_nano::Axis;
 /// Options of `tvc calibrate`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Without --from it leads through the procedure at a vehicle: lay the sensor down and leave it alone for
-ten seconds; rest it on all six faces, two seconds each; turn it slowly through all directions, away
-from iron; stand the body level. Then it shows what it has found and, if you agree, writes it to the
+Without --from it leads through the procedure at a vehicle. Lay the sensor down and leave it alone for
+ten seconds. Rest it on all six faces, two seconds each. Turn it slowly through all directions, away
+from iron. Stand the body level. Then it shows what it has found and, if you agree, writes it to the
 vehicle and into its flash, and reads it back. It is kept as a recording, which gives the same again.
 
 Examples:

@@ -57,9 +57,11 @@ Examples:
 
 Attitude, strip charts, health, messages, parameters, arm, STOP (Esc), tests, recordings and their
 reports; for the virtual rig, if it has a --link, all that can be done to it by hand. Everything is
-in the program: no network is needed. When the port goes away the page says so and waits for it. At
-its end, and a second after the last page was closed, the vehicle is disarmed; meanwhile its FS_HOST
-is 1, so that it gives up 3 s after this program was killed.
+in the program: no network is needed. When the port goes away the page says so and waits for it.
+
+At its end, and a second after the last page was closed, the vehicle is disarmed. Meanwhile its
+FS_HOST is 1, so that it gives up 3 s after this program was killed.
+
 Exit status: 0 ended, 1 something failed, 2 unusable input.")]
 pub struct Web {
     /// Where the vehicle is.
