@@ -8,7 +8,7 @@ const [KEPT, PAUSED, SURPLUS] = [60, 600, 10];
 const GAP = 1.5;
 /** Between two changes of the values in words, ms: faster ones cannot be read. */
 const WORDS = 150;
-/** A slow chart is drawn in one of so many pictures. */
+/** Pictures from one drawing of a slow chart to the next. */
 const SLOW = 6;
 /** Width of the value axis, px: the same for all charts, so that their time axes stand below each other. */
 const AXIS = 46;
@@ -26,7 +26,10 @@ export function style(x, y) {
 
 const element = (tag, words = "") => Object.assign(document.createElement(tag), { textContent: words });
 
-/** One chart. `lines`: name, colour and value of a frame each; `least`: the range that is always in sight; `slow`: it is drawn less often; `when`: frames with which it is there. */
+/**
+ * One chart. `lines`: name, colour and value of a frame each. `least`: the range that is always in sight.
+ * `slow`: it is drawn less often. `when`: frames with which it is there.
+ */
 class Strip {
   constructor(charts, { title, unit, lines, least, decimals, height, slow, when }) {
     Object.assign(this, { charts, unit, lines, least, decimals, height, slow, when, words: "", inSight: true });

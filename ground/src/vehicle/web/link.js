@@ -6,8 +6,8 @@ const AGAIN = 500;
 const SILENCE = 2000;
 /** The program's close codes: the token is not of this start; too many pages are open. */
 const REFUSED = {
-  4403: "This page is of another start of tvc web: open the address that it printed. STOP works all the same.",
-  4503: "Too many pages are open: close one. STOP works all the same.",
+  4403: "This page is of another start of tvc web: open the address that it printed. STOP still works.",
+  4503: "Too many pages are open: close one. STOP still works.",
 };
 
 /** What vehicle and tool say of a command of the tool, for somebody who has the page's buttons. */
