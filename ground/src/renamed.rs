@@ -8,7 +8,7 @@ use clap::error::{ContextKind, ContextValue};
 /// Commands that went elsewhere: the name, and what takes its place.
 const MOVED: [(&str, &str); 8] = [
     ("cycles", "`cargo lab cycles` in the source tree"),
-    ("experiment", "`cargo lab experiment` in the source tree"),
+    ("experiment", "the test `navigation` of the crate rig"),
     ("faults", "`cargo lab faults` in the source tree"),
     ("hardware", "`cargo lab hardware` in the source tree"),
     ("profile", "`cargo lab profile` in the source tree"),

@@ -11,7 +11,6 @@
 )]
 
 pub mod cycles;
-pub mod experiment;
 pub mod faults;
 mod functions;
 pub mod hardware;
@@ -43,8 +42,6 @@ pub enum Command {
     Faults(faults::Faults),
     /// Fly the image with chips, sensors and computers that differ, and print one table.
     Hardware(hardware::HardwareCampaign),
-    /// Repeat the thesis' two navigation experiments with simulated sensors.
-    Experiment(experiment::Experiment),
 }
 
 impl Lab {
@@ -59,7 +56,6 @@ impl Lab {
             Command::Cycles(options) => cycles::run(&options),
             Command::Faults(options) => faults::run(&options),
             Command::Hardware(options) => hardware::run(&options),
-            Command::Experiment(options) => experiment::run(&options),
         }
     }
 }

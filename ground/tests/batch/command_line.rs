@@ -8,7 +8,7 @@ use crate::running::{self, assert_refused, tvc};
 /// A command that went to the laboratory says so for one release.
 #[test]
 fn a_command_that_went_elsewhere_says_where() {
-    for name in ["cycles", "experiment", "faults", "hardware", "profile", "stack"] {
+    for name in ["cycles", "faults", "hardware", "profile", "stack"] {
         assert_refused(&[name, "--json"], &format!("`cargo lab {name}`"));
     }
 }

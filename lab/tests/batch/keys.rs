@@ -16,16 +16,14 @@ const ALONE: &[(&str, &str)] = &[
     ("profile-after", "profile --after 0.1 --seconds 0.1"),
     ("stack", "stack --seconds 0.1"),
     ("hardware", "hardware --quick --only wake"),
-    ("experiment-motion", "experiment motion --reference-lag 150"),
 ];
 
 /// What a test that runs it for other reasons compares.
-const ELSEWHERE: &[(&str, &str)] =
-    &[("experiment-static", "experiment static"), ("cycles", "cycles")];
+const ELSEWHERE: &[(&str, &str)] = &[("cycles", "cycles")];
 
 #[test]
 fn no_command_with_json_is_without_its_keys() {
-    keys::assert_complete(&[ALONE, ELSEWHERE].concat(), 7);
+    keys::assert_complete(&[ALONE, ELSEWHERE].concat(), 6);
 }
 
 #[test]

@@ -3,7 +3,6 @@
 
 mod cycles;
 mod examples;
-mod experiment;
 mod faults;
 mod keys;
 #[path = "../../../ground/tests/running/mod.rs"]
