@@ -24,7 +24,7 @@ pub fn render(figures: &Figures, rows: &[Row]) -> Result<String> {
         Plan::Resets | Plan::Sound => campaign.to_string(),
         _ => format!("{campaign} in phase {phase}"),
     };
-    let title = format!("Campaign of {what}: {} runs, seed {seed}", rows.len());
+    let title = format!("{what}: {} runs, seed {seed}", rows.len());
     let bad: Vec<&Row> = rows.iter().filter(|row| row.end.is_bad()).collect();
     if campaign == Plan::Sound {
         return Ok(page(&title, of_sound(figures, rows, &bad)));
