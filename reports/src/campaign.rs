@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use recordings::Lines;
 use serde::Serialize;
@@ -19,6 +18,7 @@ use crate::file::write_table;
 use crate::input;
 use crate::kind::{self, Kind};
 use crate::measure::Figures;
+use crate::progress::bar;
 
 /// How runs are carried out.
 #[derive(Debug, Args)]
@@ -104,7 +104,7 @@ pub fn on_threads<R: Send>(
 ) -> Result<R> {
     let threads = rayon::ThreadPoolBuilder::new().num_threads(jobs.map_or(0, usize::from));
     let template = format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} to go");
-    let bar = ProgressBar::new(steps).with_style(ProgressStyle::with_template(&template)?);
+    let bar = bar(steps, &template);
     let done = threads.build()?.install(|| work(&|| bar.inc(1)));
     bar.finish_and_clear();
     Ok(done)

@@ -21,4 +21,5 @@ pub mod kind;
 pub mod measure;
 pub mod page;
 pub mod plot;
+pub mod progress;
 pub mod table;

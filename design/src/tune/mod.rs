@@ -12,7 +12,6 @@ use anyhow::Result;
 use clap::Args;
 use client::Parameter;
 use design::{Gains, Grid, NAMES, Problem, Requirements};
-use indicatif::{ProgressBar, ProgressStyle};
 use rig::ServoKind;
 use tvc_nano::Params;
 
@@ -22,6 +21,7 @@ use report::exit::Verdict;
 use report::file::write_whole;
 use report::kind;
 use report::measure::{Figure, Figures, data, figure, rows};
+use report::progress;
 
 /// Options of `tvc tune`.
 #[derive(Debug, Args)]
@@ -188,12 +188,7 @@ fn search(
     options: &Tune,
     required: &Requirements,
 ) -> Result<Gains> {
-    let bar = ProgressBar::new(options.generations.into());
-    if let Ok(style) =
-        ProgressStyle::with_template("{bar:40} generation {pos}/{len}, {eta} left, cost {msg}")
-    {
-        bar.set_style(style);
-    }
+    let bar = progress::bar(options.generations.into(), search::BAR);
     // A drone that cannot be flown at all is reported before the search.
     problem.cost(&start, required)?;
     let cost = |gains: &Gains| problem.cost(gains, required).unwrap_or(f64::INFINITY);

@@ -2,7 +2,6 @@
 //! gains beside it, on the model of the rocket in wind and with kicks.
 
 use anyhow::Result;
-use indicatif::{ProgressBar, ProgressStyle};
 use rig::bench::SHAFT_PER_GIMBAL;
 use rig::rocket::{Airframe, Design, ROWS_S};
 use tvc_pid::Gains;
@@ -12,6 +11,7 @@ use super::search::{self, CANDIDATES};
 use crate::ascent::{self, Law, Outcome};
 use report::exit::Verdict;
 use report::measure::{Figure, Figures, figure, rows};
+use report::progress;
 
 /// Seeds of the flights by which gains are judged, beyond those that anybody flies by default.
 const SEEDS: std::ops::Range<u64> = 10_001..10_005;
@@ -25,12 +25,7 @@ const CROSSOVER_RAD_S: f64 = 6.0;
 /// Finds both and compares them.
 pub fn run(options: &Tune) -> Result<Verdict> {
     let evaluations = u64::from(options.generations) * 4;
-    let bar = ProgressBar::new(evaluations);
-    if let Ok(style) =
-        ProgressStyle::with_template("{bar:40} generation {pos}/{len}, {eta} left, cost {msg}")
-    {
-        bar.set_style(style);
-    }
+    let bar = progress::bar(evaluations, search::BAR);
     let mut found = Vec::new();
     for airframe in Airframe::ALL {
         let told = |least: f64| {

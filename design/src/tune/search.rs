@@ -14,6 +14,9 @@ use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
+
+/// What a search shows of its progress.
+pub const BAR: &str = "{bar:40} generation {pos}/{len}, {eta} left, cost {msg}";
 use rayon::prelude::*;
 
 /// Candidates in a generation, the better half of which make the next.

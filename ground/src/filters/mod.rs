@@ -1,4 +1,3 @@
 //! Attitude filters on recordings.
 
 pub mod fuse;
-pub mod progress;

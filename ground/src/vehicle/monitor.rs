@@ -9,7 +9,7 @@ use std::time::Duration;
 use anyhow::{Error, Result};
 use clap::Args;
 use client::{Failure, ServoMap, Status, StatusTracker};
-use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget};
 use mavlink::dialects::common::MavAutopilot;
 use tvc_nano::{Axis, Params};
 
@@ -23,6 +23,7 @@ use report::exit::{BadInput, Verdict};
 use report::file::{print, print_json};
 use report::gauge::gauge;
 use report::kind;
+use report::progress::spinner;
 
 /// Options of `tvc monitor`.
 #[derive(Debug, Args)]
@@ -206,14 +207,7 @@ struct Screen {
 impl Screen {
     fn new() -> Self {
         let all = MultiProgress::with_draw_target(ProgressDrawTarget::stdout());
-        let bar = || {
-            let bar = all.add(ProgressBar::new_spinner());
-            if let Ok(style) = ProgressStyle::with_template("{wide_msg}") {
-                bar.set_style(style);
-            }
-            bar
-        };
-        let bars = (0..5 + TEXTS).map(|_| bar()).collect();
+        let bars = (0..5 + TEXTS).map(|_| all.add(spinner("{wide_msg}"))).collect();
         Self { _all: all, bars, texts: Vec::new() }
     }
 

@@ -7,7 +7,6 @@ use std::time::Duration;
 use anyhow::Result;
 use clap::Args;
 use client::request;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
 use crate::cli::TOOL;
@@ -20,6 +19,7 @@ use report::arguments::seconds;
 use report::exit::{BadInput, Verdict};
 use report::file::print_json;
 use report::kind;
+use report::progress::spinner;
 
 /// Options of `tvc record`.
 #[derive(Debug, Args)]
@@ -78,10 +78,7 @@ pub fn run(options: &Record) -> Result<Verdict> {
             "the log begins in mid-flight, a replay cannot be compared bit for bit: {refusal}"
         );
     }
-    let bar = ProgressBar::new_spinner();
-    if let Ok(style) = ProgressStyle::with_template("{spinner} recording {elapsed}  {msg}") {
-        bar.set_style(style);
-    }
+    let bar = spinner("{spinner} recording {elapsed}  {msg}");
     let begun = vehicle.now();
     let longest = options.seconds.map(Duration::from_secs_f64);
     let mut gone = None;

@@ -8,7 +8,6 @@ use anyhow::{Context, Error, Result, bail, ensure};
 use clap::{Args, Subcommand};
 use client::state::is_in_operation;
 use client::{Failure, RefusalKind, StateKind, request};
-use indicatif::{ProgressBar, ProgressStyle};
 use tvc_nano::Axis;
 
 use crate::cli::TOOL;
@@ -24,6 +23,7 @@ use report::arguments::{number, seconds};
 use report::exit::Verdict;
 use report::kind;
 use report::measure::figure;
+use report::progress::spinner;
 
 /// Options of `tvc test`.
 #[derive(Debug, Args)]
@@ -201,7 +201,7 @@ pub fn run(options: &Test) -> Result<Verdict> {
         );
     }
     vehicle.begin(stop);
-    let progress = spinner();
+    let progress = spinner("{spinner} {prefix}  {msg}");
     let flown = vehicle.watch_host().and_then(|()| {
         fly(&mut vehicle, options.manoeuvre, axis, &mut |stage| {
             progress.set_prefix(stage.words());
@@ -352,12 +352,4 @@ fn watch(
         }
     }
     Ok(())
-}
-
-fn spinner() -> ProgressBar {
-    let bar = ProgressBar::new_spinner();
-    if let Ok(style) = ProgressStyle::with_template("{spinner} {prefix}  {msg}") {
-        bar.set_style(style);
-    }
-    bar
 }

@@ -13,12 +13,10 @@ mod readings;
 
 use std::collections::BTreeSet;
 use std::fmt::Display;
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::thread;
 
 use anyhow::{Context, Result, bail};
-use indicatif::{ProgressBar, ProgressStyle};
 use recordings::{Recording, Scalar};
 use rig::Image;
 use rig::image::{Builder, Source};
@@ -31,6 +29,7 @@ use inputs::{Hard, Sample};
 use laws::Law;
 use report::exit::{BadInput, Verdict};
 use report::file::{print, print_json};
+use report::progress::Progress;
 
 /// Options of `lab cycles`.
 #[derive(Debug, Args)]
@@ -128,12 +127,12 @@ pub fn run(options: &Cycles) -> Result<Verdict> {
             Optimise::Size => "firmware",
         },
     };
-    let progress = Progress::begin(2 * (filters.len() + laws.len()) + 1);
-    progress.step("building what all have in common; the first time this takes a minute");
+    let mut progress = Progress::new(2 * (filters.len() + laws.len()) as u64 + 1);
+    progress.at("building what all have in common; the first time this takes a minute", 0);
     let empty = maker.image(&[])?;
     let filters = filters.iter().map(|candidate| {
         measured(candidate, || {
-            let [whole, update] = maker.both(&progress, candidate, &candidate.feature())?;
+            let [whole, update] = maker.both(&mut progress, candidate, &candidate.feature())?;
             let runs = measure(candidate, &whole, &recorded)?;
             Ok(Figures::new(candidate, &runs, &update, &empty))
         })
@@ -141,7 +140,7 @@ pub fn run(options: &Cycles) -> Result<Verdict> {
     let filters = filters.collect::<Result<_>>()?;
     let laws = laws.iter().map(|law| {
         measured(law, || {
-            let [whole, update] = maker.both(&progress, law, &law.feature())?;
+            let [whole, update] = maker.both(&mut progress, law, &law.feature())?;
             let runs = laws::measure(law, &whole)?;
             Ok(LawFigures::new(law, &runs, &update, &empty))
         })
@@ -219,10 +218,17 @@ impl Maker {
     }
 
     /// The image that is run and the one that is weighed, of the feature that stands for `what`.
-    fn both(&self, progress: &Progress, what: &impl Display, feature: &str) -> Result<[Image; 2]> {
-        progress.step(&format!("building {what}"));
+    fn both(
+        &self,
+        progress: &mut Progress,
+        what: &impl Display,
+        feature: &str,
+    ) -> Result<[Image; 2]> {
+        progress.part_done(1);
+        progress.at(&format!("building {what}"), 0);
         let images = [self.image(&["setup", feature])?, self.image(&[feature])?];
-        progress.step(&format!("running {what}"));
+        progress.part_done(1);
+        progress.at(&format!("running {what}"), 0);
         Ok(images)
     }
 }
@@ -323,36 +329,4 @@ fn run_image(
         stack_bytes,
         tilt_deg,
     })
-}
-
-/// Progress on standard error: a bar on a terminal, a line for each step elsewhere.
-struct Progress(Option<ProgressBar>);
-
-impl Progress {
-    fn begin(steps: usize) -> Self {
-        Self(std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new(steps as u64);
-            if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
-                bar.set_style(style);
-            }
-            bar
-        }))
-    }
-
-    fn step(&self, what: &str) {
-        match &self.0 {
-            Some(bar) => {
-                bar.inc(1);
-                bar.set_message(what.to_owned());
-                bar.tick();
-            }
-            None => eprintln!("{what}"),
-        }
-    }
-
-    fn end(self) {
-        if let Some(bar) = self.0 {
-            bar.finish_and_clear();
-        }
-    }
 }

@@ -12,11 +12,11 @@ use recordings::{
     Choice, ChoiceError, Estimate, RecordedSample, Scorer, Source, enu_from_ned, smooth,
 };
 
-use super::progress::Progress;
 use figures::{Recording, figures, notes};
 pub use options::Fuse;
 use report::exit::{BadInput, Verdict};
 use report::file::WholeFile;
+use report::progress::Progress;
 
 /// Samples between two reports of progress.
 const STRIDE: u64 = 4096;

@@ -3,10 +3,11 @@
 use std::io::IsTerminal;
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use rig::flight::{Progress, Stage};
 
 use report::gauge::gauge;
+use report::progress::spinner;
 
 /// A live line on standard error.
 pub struct Live {
@@ -20,10 +21,7 @@ impl Live {
             eprintln!("{what}");
             return Self { bar: ProgressBar::hidden() };
         }
-        let bar = ProgressBar::new_spinner().with_prefix(what);
-        if let Ok(style) = ProgressStyle::with_template("{spinner} {prefix}  {msg}") {
-            bar.set_style(style);
-        }
+        let bar = spinner("{spinner} {prefix}  {msg}").with_prefix(what);
         bar.enable_steady_tick(Duration::from_millis(120));
         Self { bar }
     }

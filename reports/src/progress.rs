@@ -1,5 +1,4 @@
-//! Progress of long work on standard error: a bar on a terminal, elsewhere a line every two
-//! seconds.
+//! Progress on standard error: on a terminal a line that is drawn again and again.
 
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
@@ -9,7 +8,25 @@ use indicatif::{ProgressBar, ProgressStyle};
 /// Time between two lines where there is no terminal; shorter work prints none.
 const INTERVAL: Duration = Duration::from_secs(2);
 
-/// Progress over work in several parts, in bytes or any other unit.
+/// A bar of `steps` steps, by a template of [`ProgressStyle`].
+pub fn bar(steps: u64, template: &str) -> ProgressBar {
+    drawn(ProgressBar::new(steps), template)
+}
+
+/// A line that only moves.
+pub fn spinner(template: &str) -> ProgressBar {
+    drawn(ProgressBar::new_spinner(), template)
+}
+
+fn drawn(bar: ProgressBar, template: &str) -> ProgressBar {
+    match ProgressStyle::with_template(template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+/// Progress over work in several parts, in bytes or any other unit. Where there is no terminal it is
+/// a line every two seconds.
 pub struct Progress {
     bar: ProgressBar,
     /// When a line is due, where there is no terminal.
@@ -19,17 +36,17 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Begins, for so much work.
+    /// Begins, for work of the size `whole`.
     pub fn new(whole: u64) -> Self {
         let terminal = std::io::stderr().is_terminal();
-        let bar = if terminal { ProgressBar::new(whole) } else { ProgressBar::hidden() };
-        if let Ok(style) = ProgressStyle::with_template("{wide_bar} {percent:>3} %  {eta}  {msg}") {
-            bar.set_style(style);
-        }
+        let bar = match terminal {
+            true => bar(whole, "{wide_bar} {percent:>3} %  {eta}  {msg}"),
+            false => ProgressBar::hidden(),
+        };
         Self { bar, due: (!terminal).then(|| Instant::now() + INTERVAL), whole, done: 0 }
     }
 
-    /// Reports that so much of the part `name` is done.
+    /// Reports that `done` of the part `name` is done.
     pub fn at(&mut self, name: &str, done: u64) {
         let position = self.done + done;
         match self.due {
