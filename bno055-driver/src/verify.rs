@@ -51,7 +51,7 @@ impl Check {
     /// The fault in the answer, if any.
     pub(crate) fn judge(self, bytes: &[u8], config: &Config) -> Result<(), SensorFault> {
         // None of these registers is ever 0xFF.
-        if bytes.first() == Some(&0xFF) {
+        if bytes.contains(&0xFF) {
             return Err(SensorFault::AllOnes);
         }
         let [map, sign] = config.axes.registers();

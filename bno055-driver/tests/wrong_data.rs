@@ -291,6 +291,23 @@ fn an_identity_that_reads_wrong_is_read_again() {
     }
 }
 
+/// A line that comes free in the midst of the identity is a fault of the bus, not a wrong register.
+#[test]
+fn an_identity_with_ones_does_not_count() {
+    for byte in 0..4 {
+        let mut rig = in_doubt();
+        let torn = Cell::new(true);
+        rig.chip.on_wire(move |register, bytes| {
+            if register == 0 && torn.take() {
+                bytes[byte..].fill(0xFF);
+            }
+        });
+        rig.bursts(3);
+        assert_eq!(rig.driver.health().mismatched, 0, "byte {byte}");
+        assert!(rig.driver.is_sampling(), "byte {byte}");
+    }
+}
+
 /// A dead magnetometer that the configuration does without is no reason to doubt the bus.
 #[test]
 fn an_identity_without_a_magnetometer_is_right() {

@@ -12,8 +12,8 @@ use ground::flight::fly::flights::{FLIGHT_S, START_RATE_RAD_S, link, pooled, run
 use report::measure::Limit::Set;
 use report::measure::{Figure, figure};
 
-/// One tick at 150 Hz, us.
-const ONE_TICK_US: f64 = 6_667.0;
+/// One tick at 150 Hz, us, and how much later the burst of the rates alone begins.
+const ONE_TICK_US: f64 = 6_667.0 + 2_700.0;
 
 /// How the flights of a setting end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
