@@ -63,7 +63,7 @@ pub(crate) struct Inspector {
     still: Still,
     /// Rates of the last burst, if they were held back.
     held: Option<[i16; 3]>,
-    passing: Passing,
+    ones: Ones,
 }
 
 /// A burst that was accepted.
@@ -129,8 +129,7 @@ impl Inspector {
         let mut is_suspect = held.is_some() && !is_confirmed && !behind_failure;
         let mut cleared = false;
         if let Some(good) = good {
-            let Ones { came: [acc, mag, gyr], crossed } = self.passing.look(&good, &now);
-            cleared = crossed;
+            let [acc, mag, gyr] = self.ones.look(&good, &now, &mut cleared);
             is_suspect |= acc || mag || gyr;
             if !is_confirmed && (gyr || moved(&good.gyr(), &sample.gyr, jump)) {
                 self.held = Some(sample.gyr);
@@ -230,31 +229,23 @@ fn out_of_range(config: &Config, Words([acc, mag, gyr]): &Words) -> bool {
         || config.needs_mag && config.mode.has_mag() && *mag == [0; 3]
 }
 
-/// Words of -1 in a burst: what a data line shows that nobody drives, and what motion passes.
-struct Ones {
-    /// The sensors of which a word has come to -1 from farther than [`NEAR`].
-    came: [bool; 3],
-    /// A word went on from -1 as in motion, and no word jumped back.
-    crossed: bool,
-}
-
-/// The words that are passing -1.
+/// Words of -1: what a data line shows that nobody drives, and what motion passes.
 #[derive(Clone, Debug)]
-struct Passing {
+struct Ones {
     /// What each word was before it came to -1 from afar; -1 if it did not.
     from: Words,
 }
 
-impl Default for Passing {
+impl Default for Ones {
     fn default() -> Self {
         Self { from: Words([[-1; 3]; 3]) }
     }
 }
 
-impl Passing {
-    /// Looks at the burst `now` behind the last good one.
-    fn look(&mut self, Words(good): &Words, Words(now): &Words) -> Ones {
-        let mut crossed = false;
+impl Ones {
+    /// The sensors of which a word has come to -1 from farther than [`NEAR`]. `crossed` says that
+    /// a word went on from -1 as in motion, and that no word jumped back.
+    fn look(&mut self, Words(good): &Words, Words(now): &Words, crossed: &mut bool) -> [bool; 3] {
         let mut returned = false;
         let mut sensors = now.iter().zip(good).zip(&mut self.from.0).zip(NEAR);
         let came = [(); 3].map(|()| {
@@ -271,13 +262,14 @@ impl Passing {
                 } else if *from != -1 {
                     let back = (*from < -1) == (now < -1) && now.abs_diff(-1) > near;
                     returned |= back;
-                    crossed |= !back;
+                    *crossed |= !back;
                     *from = -1;
                 }
             }
             came
         });
-        Ones { came, crossed: crossed && !returned }
+        *crossed &= !returned;
+        came
     }
 }
 
