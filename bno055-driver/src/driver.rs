@@ -194,15 +194,13 @@ impl Driver {
         let behind_failure = sampling.silent_since.is_some();
         // Rates of -1 on all axes come every few seconds at rest, but not after a lost burst.
         let chance = if behind_failure { 0 } else { sample::RATES.into() };
-        let judged = match received(outcome, chance) {
-            Ok(bytes) => {
-                let inspector = &mut sampling.inspector;
-                inspector.judge(&self.config, time, bytes, behind_failure)
-            }
-            Err(fault) => return self.no_data(time, fault),
-        };
-        let Ok(Judged { sample, fresh, evidence, cleared }) = judged else {
-            return self.conclude(time, judged.map(|judged| judged.sample));
+        let judged = received(outcome, chance)
+            .and_then(|bytes| sampling.inspector.judge(&self.config, time, bytes, behind_failure));
+        let Judged { sample, fresh, evidence, cleared } = match judged {
+            Ok(judged) => judged,
+            // Ones, too: nobody drove the line for a part of the burst, which is a gap in the data.
+            Err(fault) if fault.is_bus() => return self.no_data(time, fault),
+            Err(fault) => return self.conclude(time, Err(fault)),
         };
         self.health.fresh = self.health.fresh.wrapping_add(u32::from(fresh));
         if cleared {
@@ -268,7 +266,7 @@ impl Driver {
                 self.health.verified = self.health.verified.wrapping_add(1);
                 sampling.right_register();
             }
-            Err(fault) if fault.is_bus() || fault == SensorFault::AllOnes => {
+            Err(fault) if fault.is_bus() => {
                 sampling.due = false;
                 self.bus_error(now, fault);
             }

@@ -308,6 +308,28 @@ fn an_identity_with_ones_does_not_count() {
     }
 }
 
+/// A line that nobody drives for 15 ms spoils three bursts, the first and the last in part. The
+/// sensor is no worse for it.
+#[test]
+fn bursts_of_ones_in_part_are_a_gap() {
+    let mut rig = flying(Config::default());
+    // In motion the words are far from -1.
+    let torn = |chip: &Chip, ones: std::ops::Range<usize>| {
+        chip.burst_with(|words| {
+            words.fill(900);
+            words[ones].fill(-1);
+        })
+    };
+    let rates_alone = vec![0xFF; 6];
+    for bytes in [torn(&rig.chip, 3..9), rates_alone, torn(&rig.chip, 0..7)] {
+        rig.chip.now += TICK_US;
+        let outcome = rig.driver.sample(Micros(rig.chip.now), Ok(&bytes));
+        assert_eq!(outcome, Err(SensorFault::AllOnes));
+    }
+    assert!(rig.bursts(100).iter().all(Result::is_ok));
+    assert_eq!(rig.driver.health().starts, 1);
+}
+
 /// A dead magnetometer that the configuration does without is no reason to doubt the bus.
 #[test]
 fn an_identity_without_a_magnetometer_is_right() {

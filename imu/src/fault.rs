@@ -124,7 +124,15 @@ impl SensorFault {
     /// Whether the bus, not the chip's data, is to blame.
     #[must_use]
     pub const fn is_bus(&self) -> bool {
-        matches!(self, Self::Nak | Self::Timeout | Self::Stuck | Self::Arbitration | Self::Protocol)
+        matches!(
+            self,
+            Self::Nak
+                | Self::Timeout
+                | Self::Stuck
+                | Self::Arbitration
+                | Self::Protocol
+                | Self::AllOnes
+        )
     }
 }
 
