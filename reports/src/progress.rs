@@ -25,8 +25,8 @@ fn drawn(bar: ProgressBar, template: &str) -> ProgressBar {
     }
 }
 
-/// Progress over work in several parts, in bytes or any other unit. Where there is no terminal it is
-/// a line every two seconds.
+/// Progress over work in several parts, in bytes or any other unit. Where there is no terminal it
+/// is a line every two seconds.
 pub struct Progress {
     bar: ProgressBar,
     /// When a line is due, where there is no terminal.

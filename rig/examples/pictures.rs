@@ -1,8 +1,9 @@
-//! Data of two pictures in the documents, as CSV on standard output; `tools/pictures.py` draws them.
+//! Data of two pictures in the documents, as CSV on standard output; `tools/pictures.py` draws
+//! them.
 //!
-//! `cargo run --release -p rig --example pictures -- ticks` flies from 0.4 rad and gives the bursts,
-//! steps and pulses of two servo frames. `-- laws` flies with the PD law and with the switching
-//! surface.
+//! `cargo run --release -p rig --example pictures -- ticks` flies from 0.4 rad and gives the
+//! bursts, steps and pulses of two servo frames. `-- laws` flies with the PD law and with the
+//! switching surface.
 
 use std::error::Error;
 
