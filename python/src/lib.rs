@@ -41,10 +41,7 @@ fn named<T: Copy + Display>(what: &str, name: &str, all: &[T]) -> PyResult<T> {
 fn settings(given: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Setting>> {
     let mut settings = Vec::new();
     for (key, value) in given.into_iter().flatten() {
-        settings.push(Setting {
-            key: key.extract()?,
-            value: value.str()?.extract()?,
-        });
+        settings.push(Setting { key: key.extract()?, value: value.str()?.extract()? });
     }
     Ok(settings)
 }
@@ -93,11 +90,7 @@ impl Estimator {
             mode: Mode::NineD,
             settings: self::settings(settings)?,
         };
-        let facts = Facts {
-            period_s,
-            scale: fixed::Scale::BNO055,
-            gyro_range_rad_s: None,
-        };
+        let facts = Facts { period_s, scale: fixed::Scale::BNO055, gyro_range_rad_s: None };
         let estimate = Estimate::new(&choice, &facts).map_err(invalid)?;
         Ok(Self { estimate })
     }
@@ -142,10 +135,7 @@ impl Recording {
         while let Some(sample) = source.next_sample().map_err(unread)? {
             samples.push(sample);
         }
-        Ok(Self {
-            facts: *source.facts(),
-            samples,
-        })
+        Ok(Self { facts: *source.facts(), samples })
     }
 
     fn __len__(&self) -> usize {
@@ -217,10 +207,7 @@ impl Recording {
             return Ok(estimates.into_iter().map(enu).collect());
         }
         let mut estimate = Estimate::new(&choice, &self.facts).map_err(invalid)?;
-        let estimates = self
-            .samples
-            .iter()
-            .map(|sample| enu(estimate.update(sample)));
+        let estimates = self.samples.iter().map(|sample| enu(estimate.update(sample)));
         Ok(estimates.collect())
     }
 
