@@ -23,7 +23,7 @@ const ELSEWHERE: &[(&str, &str)] = &[("cycles", "cycles")];
 
 #[test]
 fn no_command_with_json_is_without_its_keys() {
-    keys::assert_complete(&[ALONE, ELSEWHERE].concat(), 6);
+    keys::assert_complete(&[ALONE, ELSEWHERE].concat(), 5);
 }
 
 #[test]
