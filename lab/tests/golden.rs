@@ -10,7 +10,7 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_lab");
 
 #[test]
 fn every_command_has_examples_and_refusals() {
-    golden::assert_help_and_refusals("lab", 10);
+    golden::assert_help_and_refusals("lab", 7);
 }
 
 #[cfg(unix)]
