@@ -13,7 +13,7 @@ pub fn bar(steps: u64, template: &str) -> ProgressBar {
     drawn(ProgressBar::new(steps), template)
 }
 
-/// A line that only moves.
+/// A spinner, by a template of [`ProgressStyle`].
 pub fn spinner(template: &str) -> ProgressBar {
     drawn(ProgressBar::new_spinner(), template)
 }

@@ -28,9 +28,9 @@ use report::progress;
 #[command(after_help = "\
 The search flies the nonlinear model with the servo's limits, the firmware's law and its timing. It
 starts from 0.2, 0.4 and 0.8 rad with 0.2 rad/s, at all frame phases and sensor ages. It also flies
-those of 400 dispersed drones that are hard to fly. 95 % of the flights must meet what is required. Ratios
-refer to the time-optimal limit: bang-bang with the rudder's rate limited, without delay and lag, to
-within 5 % of the start.
+those of 400 dispersed drones that are hard to fly. 95 % of the flights must meet what is required.
+Ratios refer to the time-optimal limit: bang-bang with the rudder's rate limited, without delay and
+lag, to within 5 % of the start.
 
 Examples:
   tvc tune                                      gains for the analog servo

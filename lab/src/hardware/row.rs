@@ -12,8 +12,9 @@ use ground::flight::fly::flights::{FLIGHT_S, START_RATE_RAD_S, link, pooled, run
 use report::measure::Limit::Set;
 use report::measure::{Figure, figure};
 
-/// One tick at 150 Hz, us, and how much later the burst of the rates alone begins.
-const ONE_TICK_US: f64 = 6_667.0 + 2_700.0;
+/// Longest gap of a skipped tick, us: one at 150 Hz, and how much later the burst of the rates
+/// alone begins.
+const SKIPPED_TICK_US: f64 = 6_667.0 + 2_700.0;
 
 /// How the flights of a setting end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -193,7 +194,9 @@ fn judged(figures: &[Figure], gap_us: f64) -> (Ending, String) {
     match missed[..] {
         [] => (Ending::Flies, "flies".into()),
         ["latency"] => (Ending::Late, "flies, latency above 8 ms".into()),
-        ["jitter"] if gap_us <= ONE_TICK_US => (Ending::Skips, "flies, a tick was skipped".into()),
+        ["jitter"] if gap_us <= SKIPPED_TICK_US => {
+            (Ending::Skips, "flies, a tick was skipped".into())
+        }
         _ if missed.iter().all(response) => {
             let words = format!("in control, misses {}", missed.join(", "));
             (Ending::Unsettled, words)

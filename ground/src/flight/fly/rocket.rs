@@ -203,8 +203,8 @@ impl Flying<'_> {
         let plot = plot("The error of all rockets over each other.", &runs, |_| true)?;
         let words = "Each rocket differs from what its image was told: thrust by up to 5 %, \
              inertia by 20 %, propellant by 3 %, the dry centre of mass by 0.3 m. The static margin \
-             differs by up to 0.4 diameters, speed and bandwidth of the gimbal by 20 %. Wind, gust, rail and \
-             misalignment are drawn up to the above. Every other airframe is unstable.";
+             differs by up to 0.4 diameters, speed and bandwidth of the gimbal by 20 %. Wind, gust, \
+             rail and misalignment are drawn up to the above. Every other airframe is unstable.";
         Ok(told(&title, &[&conditions_in_words(), words], figures, "", &[plot]))
     }
 
