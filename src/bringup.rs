@@ -10,6 +10,7 @@
 //! | 4 | time a pulse that a jumper leads from D3 to D2 | [`Pulse`] |
 //! | 5 | show the sensor's bus | 7-bit address in the upper 8 bits, below it how long the longest of the newest reads' STOPs took, us |
 //! | 6 | count the watchdog's clock, 1,024 Hz, in [`words::SLOW_COUNT`] | 0 |
+//! | 7 | show who reads the image | how long the DSU's engine took at start-up, us; 0 where the core reads |
 //!
 //! The bits of param2 are a number: an address, or anything that tells one order from another. The
 //! answer's name is that number in eight hexadecimal digits; it comes before the acknowledgement.
@@ -37,6 +38,8 @@ pub enum What {
     Bus = 5,
     /// Count the watchdog's clock.
     Count = 6,
+    /// Show who reads the image.
+    Image = 7,
 }
 
 /// An order of the host.

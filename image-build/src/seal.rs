@@ -1,7 +1,8 @@
-//! The sums of an image, in two words of its vector table that the processor has no use for. The
-//! firmware compares them at its start (`src/samd21/image_check.rs`).
+//! The sums of an image, in three words of its vector table that the processor has no use for. The
+//! firmware compares them as long as it runs (`src/samd21/image_check.rs`).
 //!
-//! The sums are Fletcher's over all words of the image but these two, modulo 2^32. An image that
+//! The sums are of all words of the image but these three: Fletcher's two, modulo 2^32, which the
+//! core computes; and CRC-32, not inverted at its end, which the DSU's engine does. An image that
 //! was not sealed has zeros there and is not compared.
 
 use std::fs::{self, File};
@@ -9,8 +10,8 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::Path;
 
-/// Where in the image the two words are: the reserved exceptions 7 and 8 (ARMv6-M, B1.5.2).
-pub const SEAL: Range<usize> = 0x1C..0x24;
+/// Where in the image the three words are: the reserved exceptions 7 to 9 (ARMv6-M, B1.5.2).
+pub const SEAL: Range<usize> = 0x1C..0x28;
 /// Erased flash, between two segments.
 const ERASED: u8 = 0xFF;
 const PT_LOAD: u32 = 1;
@@ -66,8 +67,8 @@ fn segments(elf: &[u8]) -> Option<Vec<Segment>> {
     Some(segments)
 }
 
-/// Where in the file the two words lie, and what they are to be.
-fn sums(elf: &[u8], segments: &[Segment]) -> Option<(usize, [u8; 8])> {
+/// Where in the file the three words lie, and what they are to be.
+fn sums(elf: &[u8], segments: &[Segment]) -> Option<(usize, [u8; 12])> {
     /// The chip's flash.
     const FLASH: usize = 256 * 1024;
     let first = segments.first()?;
@@ -82,17 +83,25 @@ fn sums(elf: &[u8], segments: &[Segment]) -> Option<(usize, [u8; 8])> {
         let bytes = elf.get(segment.in_file..segment.in_file.checked_add(segment.length)?)?;
         image.get_mut(begin..begin + segment.length)?.copy_from_slice(bytes);
     }
-    let (mut plain, mut weighted) = (0_u32, 0_u32);
+    let (mut plain, mut weighted, mut crc) = (0_u32, 0_u32, u32::MAX);
     for (index, word) in image.chunks_exact(4).enumerate() {
         if !SEAL.contains(&(4 * index)) {
-            plain = plain.wrapping_add(u32::from_le_bytes(word.try_into().ok()?));
+            let word = u32::from_le_bytes(word.try_into().ok()?);
+            plain = plain.wrapping_add(word);
             weighted = weighted.wrapping_add(plain);
+            crc = crc_with(crc, word);
         }
     }
-    let mut seal = [0; 8];
-    seal[..4].copy_from_slice(&plain.to_le_bytes());
-    seal[4..].copy_from_slice(&weighted.to_le_bytes());
+    let mut seal = [0; 12];
+    for (place, sum) in seal.chunks_exact_mut(4).zip([plain, weighted, crc]) {
+        place.copy_from_slice(&sum.to_le_bytes());
+    }
     Some((first.in_file + SEAL.start, seal))
+}
+
+/// CRC-32 of IEEE 802.3 with one word more, bit by bit from the lowest.
+fn crc_with(crc: u32, word: u32) -> u32 {
+    (0..32).fold(crc ^ word, |crc, _| crc >> 1 ^ if crc & 1 == 0 { 0 } else { 0xEDB8_8320 })
 }
 
 #[cfg(test)]
@@ -120,17 +129,24 @@ mod tests {
     }
 
     #[test]
-    fn the_sums_are_those_of_all_words_but_two() {
+    fn the_sums_are_those_of_all_words_but_three() {
         let elf = elf();
         let (place, seal) = sums(&elf, &segments(&elf).unwrap()).unwrap();
         assert_eq!(place, 116 + 0x1C);
         let (mut plain, mut weighted) = (0_u32, 0_u32);
-        for word in [1, 2, 3, 4, 5, 6, 7, 10, 11, 12, u32::MAX, 13, 14] {
+        for word in [1, 2, 3, 4, 5, 6, 7, 11, 12, u32::MAX, 13, 14] {
             plain = plain.wrapping_add(word);
             weighted = weighted.wrapping_add(plain);
         }
         assert_eq!(seal[..4], plain.to_le_bytes());
-        assert_eq!(seal[4..], weighted.to_le_bytes());
+        assert_eq!(seal[4..8], weighted.to_le_bytes());
+    }
+
+    /// Of the text "12345678", as Python's `binascii.crc32` has it.
+    #[test]
+    fn the_sum_of_a_text_is_the_published_one() {
+        let crc = [*b"1234", *b"5678"].map(u32::from_le_bytes).into_iter().fold(u32::MAX, crc_with);
+        assert_eq!(!crc, 0x9AE0_DAAF);
     }
 
     #[test]

@@ -160,6 +160,7 @@ impl<T: Scalar> Law<T> for Surface<T> {
     type Config = SurfaceConfig;
     type State = SurfaceState<T>;
 
+    #[inline]
     fn new(config: &SurfaceConfig) -> Result<Self, ConfigError> {
         Ok(Self { c: Coefficients::new(config)? })
     }

@@ -27,6 +27,8 @@ pub struct Options {
     pub user_row: UserRow,
     /// How long erasing and writing flash take, in percent of the data sheet's longest times.
     pub flash_time_percent: u32,
+    /// How many cycles of the core the DSU's engine takes for a word of flash: an assumption.
+    pub crc_word_cycles: u32,
     /// Whether the watchdog resets the chip at its time-out.
     pub watchdog_bites: bool,
     /// The operating system of the USB host.
@@ -49,6 +51,7 @@ impl Default for Options {
             wake_up: Ticks::ZERO,
             user_row: UserRow::SHIPPED,
             flash_time_percent: 100,
+            crc_word_cycles: 4,
             watchdog_bites: true,
             host: System::Bare,
             serial_number: [0x5D21_0001, 0x5D21_0002, 0x5D21_0003, 0x5D21_0004],

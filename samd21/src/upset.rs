@@ -13,6 +13,7 @@
 //! | SYSCTRL | DFLLCTRL (ENABLE), DFLLVAL as the DFLL uses it, BOD33 |
 //! | PORT | DIR, OUT, PMUX, PINCFG; a pin that is led to a TC is released |
 //! | USB | CTRLA (ENABLE), CTRLB (DETACH), DADD, INTEN, DESCADD, EPCFGn, EPINTENn |
+//! | DSU | STATUSA (DONE), ADDR, LENGTH, DATA |
 //! | WDT | CTRL, CONFIG, EWCTRL, INTEN |
 //! | core | SysTick's CSR (ENABLE, TICKINT) and RVR, the NVIC's enables and priorities |
 

@@ -23,6 +23,7 @@ use tvc_nano::{BoardStatus, SelfCheck};
 
 use crate::boards::WIRING;
 use crate::samd21::dfll::DfllCheck;
+use crate::samd21::engine::Engine;
 use crate::samd21::image_check::ImageCheck;
 use crate::samd21::registers::Registers;
 use crate::samd21::{
@@ -65,7 +66,8 @@ impl Board {
         let (params, stored) = store::load(&mut flash, BoardId::of(&serial_number()));
         let report = BootReport { crash: crash::report(&chip.pm), stored };
         clocks::enable_buses(&chip.pm);
-        let Some(image) = ImageCheck::new() else { crash::refuse_to_start(SelfCheck::Flash) };
+        let engine = Engine::new(chip.dsu, chip.pac1);
+        let Some(image) = ImageCheck::new(engine) else { crash::refuse_to_start(SelfCheck::Flash) };
         // Behind the check: a damaged image may have read anything.
         if let Some(fine) = params.clock_fine() {
             clocks::set_fine(fine);
@@ -110,9 +112,6 @@ impl Board {
     #[inline(never)]
     pub(crate) fn wait(&mut self, turn: Micros) -> (Micros, Event) {
         loop {
-            if !self.image.look_on() {
-                crash::stop(SelfCheck::Flash);
-            }
             let burst_due = self.sampling.burst_due().unwrap_or(Micros(u64::MAX));
             let (now, asleep) = time::sleep_until(burst_due, turn);
             self.load.slept(asleep);
@@ -210,6 +209,9 @@ impl application::Board for Board {
         }
         WIRING.probe.low();
         self.check_registers();
+        if !self.image.go_on() {
+            crash::stop(SelfCheck::Flash);
+        }
         self.guard.work.step_done(taken);
         let now = time::now();
         self.guard.check(now);
@@ -269,7 +271,7 @@ impl application::Board for Board {
     }
 
     fn bringup(&mut self, order: Order) -> Option<u32> {
-        bringup::obey(order, &self.bus, self.frame.has_every_pin())
+        bringup::obey(order, &self.bus, self.image.engine_us(), self.frame.has_every_pin())
     }
 }
 

@@ -17,14 +17,15 @@ const FEEDBACK: Pin = WIRING.servos[1].pin;
 const FRAME_US: u32 = 22_000;
 
 /// Does what is ordered and gives the answer's value; `None` for what there is not. No servo's
-/// signal is timed where D2 is a servo's itself.
-pub(crate) fn obey(order: Order, bus: &Bus, d2_is_servo: bool) -> Option<u32> {
+/// signal is timed where D2 is a servo's itself. `engine_us` is of [`What::Image`].
+pub(crate) fn obey(order: Order, bus: &Bus, engine_us: u32, d2_is_servo: bool) -> Option<u32> {
     const PEEK: u8 = What::Peek as u8;
     const HANG: u8 = What::Hang as u8;
     const FAIL_CHECK: u8 = What::FailCheck as u8;
     const PULSE: u8 = What::Pulse as u8;
     const BUS: u8 = What::Bus as u8;
     const COUNT: u8 = What::Count as u8;
+    const IMAGE: u8 = What::Image as u8;
     match order.what {
         PEEK if is_readable(order.number) => Some(peek(order.number)),
         HANG => crash::hang(),
@@ -35,6 +36,7 @@ pub(crate) fn obey(order: Order, bus: &Bus, d2_is_servo: bool) -> Option<u32> {
             count_slow_clock();
             Some(0)
         }
+        IMAGE => Some(engine_us),
         _ => None,
     }
 }

@@ -1,15 +1,19 @@
-//! The image in flash, read over and over: a bit of it that flips is noticed within some tenths of
-//! a second, before or after it has done harm. Twelve times a second is not too often: read four
-//! times, two flipped bits of 2,500 drove a rudder wrongly for more than 200 ms.
+//! The image in flash, read twenty times a second: a bit of it that flips is noticed within 50 ms,
+//! before or after it has done harm. Less often is too seldom: where the image was read four times
+//! a second, two flipped bits of 2,500 drove a rudder wrongly for more than 200 ms.
 //!
-//! The first pass, at start-up, gives the sums that the later passes must give too. They must be
-//! those that the image was sealed with (`image-build/src/seal.rs`). An image that lost a bit while
-//! nothing ran sends neutral pulses for a moment and is left to the bootloader. The later passes
-//! run in small parts before the main loop sleeps, as long as nothing has asked for it.
+//! The DSU's engine reads the image beside the core, a slice behind each step ([`Engine`]). Its sum
+//! must be that which the image was sealed with (`image-build/src/seal.rs`). Where the sum differs,
+//! or does not come, the core reads the image, and its sum decides: an engine that fails ends no
+//! flight. From then on the core reads the slices.
+//!
+//! An image that lost a bit while nothing ran sends neutral pulses for a moment and is left to the
+//! bootloader.
 
+use core::ops::Range;
 use core::ptr::addr_of;
 
-use super::wake;
+use super::engine::Engine;
 
 unsafe extern "C" {
     static __vector_table: u32;
@@ -19,14 +23,11 @@ unsafe extern "C" {
     static __edata: u32;
 }
 
-/// Where in the image its sums are: reserved exceptions. Zeros in an image that is not sealed.
-const SEAL: core::ops::Range<usize> = 0x1C..0x24;
-/// Words of a part, which nothing interrupts but interrupts: some 6 us.
-const WORDS: usize = 64;
-/// Of them, words that are read without a loop in between, which saves a third of the cycles.
-const AT_ONCE: usize = 8;
-/// Parts read before the loop sleeps: the image twelve times a second.
-const PARTS: usize = 12;
+/// Where in the image its sums are, the core's two and the engine's: reserved exceptions. Zeros in
+/// an image that is not sealed.
+pub(super) const SEAL: Range<usize> = 0x1C..0x28;
+/// Bytes read behind a step.
+pub(super) const SLICE: usize = 16 * 1024;
 
 /// Fletcher's sums of words, modulo 2^32: any one flipped bit changes them, and any two of
 /// different words.
@@ -45,93 +46,93 @@ impl Sums {
 
 /// The passes over the image.
 pub(crate) struct ImageCheck {
-    /// Of the first pass.
+    /// Reads for the core, as long as it is right.
+    engine: Option<Engine>,
+    /// Of the core's passes.
     expected: Sums,
     sums: Sums,
-    /// The next word.
+    /// The core's next word.
     at: usize,
 }
 
 impl ImageCheck {
-    /// Reads the whole image, which takes 4 ms. `None` if it is not the one that was sealed.
-    pub(crate) fn new() -> Option<Self> {
-        let mut check = Self { expected: Sums::default(), sums: Sums::default(), at: begin() };
-        check.restart();
-        while check.at < end() {
-            check.read_part();
+    /// Has the image read once: 2 ms by the engine, 6 ms by the core. `None` if it is not the image
+    /// that was sealed.
+    pub(crate) fn new(engine: Engine) -> Option<Self> {
+        let [plain, weighted] = [0, 4].map(|at| read(begin() + SEAL.start + at));
+        let expected = Sums { plain, weighted };
+        let mut check =
+            Self { engine: engine.started(), expected, sums: Sums::default(), at: begin() };
+        if check.engine.is_none() && !check.read_all() {
+            check.expected = check.sums;
+            return (expected == Sums::default()).then_some(check);
         }
-        let [plain, weighted] = [SEAL.start, SEAL.start + 4].map(|at| read(begin() + at));
-        let seal = Sums { plain, weighted };
-        let is_well = seal == Sums::default() || seal == check.sums;
-        check.expected = check.sums;
-        check.restart();
-        is_well.then_some(check)
+        Some(check)
     }
 
-    /// Begin a pass: with what lies before the seal.
-    fn restart(&mut self) {
-        self.sums = Sums::default();
-        self.at = begin();
-        while self.at < begin() + SEAL.start {
-            self.sums.add(read(self.at));
-            self.at += 4;
-        }
-        self.at = begin() + SEAL.end;
+    /// How long the engine took for its pass at start-up, us; 0 where the core reads.
+    pub(crate) fn engine_us(&self) -> u32 {
+        self.engine.as_ref().map_or(0, Engine::pass_us)
     }
 
-    /// Read on until something asks for the main loop, some parts at most. `false` if the image is
-    /// not what it was.
-    // Not inlined: the main loop's registers are not for it.
-    #[inline(never)]
-    pub(crate) fn look_on(&mut self) -> bool {
-        for _ in 0..PARTS {
-            if wake::is_requested() {
-                break;
-            }
-            self.read_part();
-            if self.at >= end() {
-                if self.sums != self.expected {
-                    return false;
+    /// Behind a step: the next slice. `false` if the image is not what it was.
+    pub(crate) fn go_on(&mut self) -> bool {
+        match &mut self.engine {
+            None => self.read_slice(),
+            Some(engine) => {
+                engine.go_on() || {
+                    self.engine = None;
+                    self.read_all()
                 }
-                self.restart();
             }
         }
-        true
     }
 
-    fn read_part(&mut self) {
-        let stop = end().min(self.at + 4 * WORDS);
-        while self.at + 4 * AT_ONCE <= stop {
-            // Written out, for the compiler, which is to save flash, keeps every loop.
-            self.sums.add(read(self.at));
-            self.sums.add(read(self.at + 4));
-            self.sums.add(read(self.at + 8));
-            self.sums.add(read(self.at + 12));
-            self.sums.add(read(self.at + 16));
-            self.sums.add(read(self.at + 20));
-            self.sums.add(read(self.at + 24));
-            self.sums.add(read(self.at + 28));
-            self.at += 4 * AT_ONCE;
+    /// Reads all of the image by the core: whether it is what it was.
+    #[inline(never)]
+    fn read_all(&mut self) -> bool {
+        self.at = begin();
+        loop {
+            let is_well = self.read_slice();
+            if self.at == begin() {
+                return is_well;
+            }
         }
+    }
+
+    /// Reads a slice by the core, 1 ms. `false` if it was the last one and the sums are wrong.
+    fn read_slice(&mut self) -> bool {
+        if self.at == begin() {
+            self.sums = Sums::default();
+        }
+        let stop = end().min(self.at + SLICE);
         while self.at < stop {
             self.sums.add(read(self.at));
             self.at += 4;
+            if self.at == begin() + SEAL.start {
+                self.at = begin() + SEAL.end;
+            }
         }
+        if self.at < end() {
+            return true;
+        }
+        self.at = begin();
+        self.sums == self.expected
     }
 }
 
 /// A word of the image.
-fn read(at: usize) -> u32 {
+pub(super) fn read(at: usize) -> u32 {
     // SAFETY: flash, aligned; volatile because the compiler knows nothing of its changes.
     unsafe { (at as *const u32).read_volatile() }
 }
 
-fn begin() -> usize {
+pub(super) fn begin() -> usize {
     addr_of!(__vector_table) as usize
 }
 
 /// The first address behind the image.
-fn end() -> usize {
+pub(super) fn end() -> usize {
     let statics = addr_of!(__edata) as usize - addr_of!(__sdata) as usize;
     addr_of!(__sidata) as usize + statics
 }

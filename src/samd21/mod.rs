@@ -28,6 +28,7 @@ pub(crate) mod bringup;
 pub(crate) mod clocks;
 pub(crate) mod crash;
 pub(crate) mod dfll;
+pub(crate) mod engine;
 pub(crate) mod flash;
 pub(crate) mod frame;
 pub(crate) mod i2c;

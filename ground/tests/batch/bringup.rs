@@ -56,6 +56,7 @@ fn each_planted_difference_shows_in_its_own_row_alone() {
         ("address=0x29", "address", "differ"),
         ("field=dead", "field", "fail"),
         ("flash-time=2", "flash", "differ"),
+        ("crc-cycles=100", "crc engine", "differ"),
         ("jumper=no", "servo pulse", "fail"),
         ("watchdog=dead", "watchdog", "fail"),
         ("usb-loss=0.01", "usb", "differ"),

@@ -103,7 +103,7 @@ mod tests {
             assert!(parsed.is_ok(), "{text}: {parsed:?}");
             assert!(seen.insert(*text), "{text} twice");
         }
-        let of_bringup = ["jumper", "flash-time", "watchdog", "usb-loss"];
+        let of_bringup = ["jumper", "flash-time", "crc-cycles", "watchdog", "usb-loss"];
         for key in keys().filter(|key| !of_bringup.contains(&key.name)) {
             assert!(!with(&[key.name.to_owned()]).is_empty(), "{}", key.name);
         }

@@ -83,6 +83,8 @@ pub(super) struct Tangent<T> {
 }
 
 impl<T: Scalar> Coefficients<T> {
+    // Not inlined: who builds the law needs the stack for more.
+    #[inline(never)]
     pub(super) fn new(config: &SurfaceConfig) -> Result<Self, ConfigError> {
         let period = config.period_s;
         in_range(period, *PERIOD_S.start(), MOST_PERIOD_S, "period_s")?;

@@ -45,6 +45,8 @@ pub struct Hardware {
     pub jumper: bool,
     /// How long erasing and writing flash take, relative to the data sheet's longest.
     pub flash_time: f64,
+    /// How many cycles of the core the DSU's engine takes for a word of flash.
+    pub crc_cycles: f64,
     /// Probability that a read or a write of the port is lost on its way.
     pub usb_loss: f64,
 }
@@ -63,6 +65,7 @@ impl Default for Hardware {
             chip: Options { wake_up: Ticks::from_us(4), ..Options::default() },
             jumper: true,
             flash_time: 1.0,
+            crc_cycles: 4.0,
             usb_loss: 0.0,
         }
     }
@@ -112,6 +115,7 @@ impl Hardware {
             osculp32k_hz: (self.slow_clock.unwrap_or(drawn) * 32_768.0).round() as u32,
             osculp32k_phase: Ticks(dice.random_range(0..CYCLE.0)),
             flash_time_percent: (self.flash_time * 100.0).round() as u32,
+            crc_word_cycles: self.crc_cycles.round() as u32,
             ..self.chip.clone()
         }
     }

@@ -17,7 +17,7 @@
 //! | `usb` | USB device controller; [`usb_host`](crate::usb_host) is the other end of the cable |
 //! | `eic` | external interrupts |
 //! | `wdt` | watchdog |
-//! | `pac`, `dsu` | write protection, device identity |
+//! | `pac`, `dsu` | write protection; device identity, CRC-32 of the flash |
 //!
 //! `map` has their addresses, interrupt lines and clocks, `multiplexer` what the pins lead to.
 //!
@@ -70,6 +70,7 @@ pub struct Peripherals {
     pm: pm::Pm,
     sysctrl: sysctrl::Sysctrl,
     gclk: gclk::Gclk,
+    dsu: dsu::Dsu,
     eic: eic::Eic,
     nvmctrl: nvmctrl::Nvmctrl,
     port: port::Port,
@@ -98,6 +99,7 @@ impl Peripherals {
             pm: pm::Pm::new(ResetCause::PowerOn),
             sysctrl: sysctrl::Sysctrl::new(options),
             gclk: gclk::Gclk::new(options),
+            dsu: dsu::Dsu::new(options.crc_word_cycles),
             eic: eic::Eic::new(options.syncbusy_hold),
             nvmctrl: nvmctrl::Nvmctrl::new(options),
             port: port::Port::default(),
@@ -177,7 +179,7 @@ impl Peripherals {
             Block::Pm => self.pm.read(offset),
             Block::Sysctrl => self.sysctrl.read(now, offset),
             Block::Gclk => self.gclk.read(now, offset),
-            Block::Dsu => dsu::read(offset),
+            Block::Dsu => self.dsu.read(now, offset),
             Block::Eic => self.eic.read(now, offset),
             Block::Nvmctrl => self.nvmctrl.read(now, offset),
             Block::Port => self.port.read(now, offset, board),
@@ -210,6 +212,9 @@ impl Peripherals {
             let lanes = Lanes::new(value, addr & 3, width.bytes());
             self.write_word(now, addr & !3, lanes, memory, board)
         };
+        if let Ok(time) = stall {
+            self.dsu.hold(now, time);
+        }
         stall.map_err(|refusal| refused(addr, refusal))
     }
 
@@ -235,7 +240,7 @@ impl Peripherals {
                 self.sysctrl.write(bus, offset, lanes, reference.is_some())
             }
             Block::Gclk => self.gclk.write(bus, offset, lanes),
-            Block::Dsu => Err(Refusal::Unmodelled("writing to it")),
+            Block::Dsu => self.dsu.write(bus, offset, lanes, memory, self.cycle),
             Block::Eic => self.eic.write(bus, offset, lanes, &self.port),
             Block::Nvmctrl => self.nvmctrl.write(bus, offset, lanes, memory),
             Block::Port => self.port.write(bus, offset, lanes),
@@ -404,6 +409,7 @@ impl Peripherals {
                 self.drive(now, index, board);
                 flipped
             }
+            Block::Dsu => self.dsu.flip(now, offset, bit),
             Block::Usb => self.usb.flip(offset, bit),
             Block::Wdt => self.wdt.flip(now, offset, bit),
             Block::Port => self.flip_port(now, offset, bit, board),

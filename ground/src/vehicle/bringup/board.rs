@@ -56,6 +56,11 @@ const FLASH: Check = Check {
     meaning: "flash that takes longer than the data sheet allows may be worn or starved of voltage, \
               and the watchdog counts meanwhile",
 };
+const ENGINE: Check = Check {
+    name: "crc engine",
+    meaning: "the DSU's engine is slow or wrong, so the core reads the image: that costs a fifth of \
+              its time and is as safe. Report it with this table",
+};
 const STACK: Check =
     Check { name: "stack", meaning: "little is left of the stack: report it with this table" };
 
@@ -239,6 +244,21 @@ pub fn servo(session: &mut Session) -> Result<Row> {
         format!("{width:.0} us every {frame:.0} us"),
         (width - f64::from(neutral)).abs() <= 4.0 && (frame - frame_us).abs() <= 5.0,
     ))
+}
+
+/// Whether the DSU's engine reads the image, and how long it takes.
+///
+/// # Errors
+/// The vehicle no longer answers.
+pub fn engine(session: &mut Session) -> Result<Row> {
+    const EXPECTED: &str = "right, the image within 10 ms";
+    Ok(match session.measure(What::Image)? {
+        Some(0) | None => ENGINE.of(EXPECTED, "the core reads the image", false),
+        Some(us) => {
+            let ms = f64::from(us) / 1e3;
+            ENGINE.of(EXPECTED, format!("right, the image in {ms:.1} ms"), ms <= 10.0)
+        }
+    })
 }
 
 /// How long the processor stands still while the parameters are saved: the time that USB's frames

@@ -107,6 +107,7 @@ pub fn examine(link: Link, hands: bool) -> Result<Vec<Row>> {
     at("servo, flash, stack");
     rows.push(board::servo(&mut session)?);
     rows.push(board::flash(&mut session)?);
+    rows.push(board::engine(&mut session)?);
     rows.push(board::stack(&mut session)?);
     at("USB");
     rows.push(faults::usb(&mut session)?);

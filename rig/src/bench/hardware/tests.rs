@@ -165,9 +165,10 @@ fn what_is_impossible_is_refused() {
 #[test]
 fn the_parts_get_what_is_set() {
     let hardware: Hardware =
-        "jumper=no,flash-time=1.5,watchdog=dead,usb-loss=0.25".parse().unwrap();
+        "jumper=no,flash-time=1.5,crc-cycles=9,watchdog=dead,usb-loss=0.25".parse().unwrap();
     let options = hardware.chip(1);
     assert_eq!((options.flash_time_percent, options.watchdog_bites), (150, false));
+    assert_eq!(options.crc_word_cycles, 9);
     assert_eq!((hardware.jumper, hardware.usb_loss), (false, 0.25));
     assert!("watchdog=slow".parse::<Hardware>().is_err());
 }

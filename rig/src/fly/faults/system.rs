@@ -46,6 +46,8 @@ named_enum! {
     WatchdogRegister = "watchdog-register",
     /// A bit of SysTick or of the interrupt controller flips.
     InterruptRegister = "interrupt-register",
+    /// A bit of the DSU's engine flips, which reads the image.
+    EngineRegister = "engine-register",
     /// An interrupt line is always high.
     InterruptStorm = "interrupt-storm",
     /// An interrupt line is always low.
@@ -205,6 +207,7 @@ impl SystemFault {
             SystemKind::UsbRegister => flip_register(rig, USB, dice),
             SystemKind::WatchdogRegister => flip_register(rig, WATCHDOG, dice),
             SystemKind::InterruptRegister => flip_register(rig, INTERRUPTS, dice),
+            SystemKind::EngineRegister => flip_register(rig, ENGINE, dice),
             SystemKind::InterruptStorm => {
                 let line = dice.random_range(0..LINES);
                 rig.chip_mut().stick_interrupt(line, Some(true));
@@ -440,6 +443,7 @@ const PINS: Registers = &[
 const USB: Registers =
     &[(0x4100_5000, &[0x00, 0x08, 0x18, 0x24, 0x100, 0x108, 0x120, 0x128, 0x140, 0x148])];
 const WATCHDOG: Registers = &[(0x4000_1000, &[0x00, 0x04])];
+const ENGINE: Registers = &[(0x4100_2000, &[0x00, 0x04, 0x08, 0x0C])];
 const INTERRUPTS: Registers = &[
     (core_registers::SYST_CSR, &[0x0, 0x4]),
     (core_registers::NVIC_ISER, &[0x0]),
@@ -478,7 +482,7 @@ fn run_into_handler(rig: &mut Rig, line: u8) -> Result<(), FlightError> {
 /// Lines whose handlers hang: SERCOM4, TCC0, USB.
 const HANDLERS: [u8; 3] = [13, 15, 7];
 /// Offset of a vector that the processor has no exception for, and that is no part of the seal.
-const RESERVED_VECTOR: u32 = 0x24;
+const RESERVED_VECTOR: u32 = 0x28;
 
 /// Interrupt lines of the chip.
 const LINES: u8 = 28;
