@@ -96,6 +96,10 @@ pub trait Filter: Sized {
     #[doc(hidden)]
     const FINDS_BIAS: bool = false;
 
+    /// Whether the tilt follows the accelerometer with a response of second order.
+    #[doc(hidden)]
+    const IS_SECOND_ORDER: bool = false;
+
     /// Build the coefficients.
     ///
     /// # Errors

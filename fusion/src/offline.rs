@@ -1,19 +1,24 @@
 //! Both directions of time, for recordings.
 //!
-//! A filter that runs through a recording knows the past of each sample; a filter that runs from
-//! the end knows its future. Their errors differ: an error of the gyroscope makes one pass late and
-//! the other early, and each pass has its own noise. The average of both is better than either.
+//! A filter that runs through a recording knows the past of each sample. A filter that runs from the
+//! end knows its future. Together they have no delay: an error of the gyroscope makes one pass late
+//! and the other early.
 //!
 //! The first pass learns the gyroscope's offset, the field, the field's lag and the ranges in which
 //! the gyroscope clips. The second pass goes back from the end, the third forth from the beginning.
 //! The result is the mean of the second and the third, weighted by their averaging times. For
 //! seconds after its start, a gap or clipping, an estimate has less weight.
+//!
+//! With the response `H` of a filter from the accelerometer to the tilt, the mean has the real part
+//! of `H`. For a response of first order that is `|H|^2`; for the VQF class, of second order, it
+//! smooths less. So there the third pass takes the vertical of the second pass in place of the
+//! accelerometer's: the tilt of the third pass has `|H|^2`, and only the heading is a mean.
 
 use alloc::vec::Vec;
 
-use crate::config::Config;
+use crate::config::{Config, GRAVITY};
 use crate::error::ConfigError;
-use crate::estimator::{Attitude, Estimator, Sample};
+use crate::estimator::{Attitude, Estimator, SETTLED_S, Sample};
 use crate::filter::Filter;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -50,31 +55,39 @@ pub fn smooth<F: Filter>(
             let sample = Sample { gyr: next.sample.gyr.map(|rate| -rate), ..timed.sample };
             backward.update(next.dt_s, &sample);
         }
-        later.push((backward.attitude().orientation, backward.standing_s()));
+        later.push((backward.orientation(), backward.standing_s()));
     }
     let mut forward = backward.reversed(&config.gains)?;
-    let mut earlier = true;
-    let averaged = samples.iter().zip(later.iter().rev()).map(|(timed, later)| {
+    let mut attitudes = Vec::with_capacity(samples.len());
+    for (timed, (later, later_s)) in samples.iter().zip(later.iter().rev()) {
         // The way back has ended at the first sample.
-        if !core::mem::take(&mut earlier) {
-            forward.update(timed.dt_s, &timed.sample);
+        if !attitudes.is_empty() {
+            let mut sample = timed.sample;
+            if F::IS_SECOND_ORDER && *later_s >= F::Real::from_f32(SETTLED_S) {
+                let down = later.half_rows().down;
+                sample.acc = down.map(|half| -2.0 * GRAVITY * half.to_f32());
+            }
+            forward.update(timed.dt_s, &sample);
         }
         let attitude = forward.attitude();
-        Attitude {
-            orientation: between((attitude.orientation, forward.standing_s()), *later),
-            ..attitude
+        let mut turn = towards((forward.orientation(), forward.standing_s()), (*later, *later_s));
+        if F::IS_SECOND_ORDER {
+            let [north, east, _] = &mut turn;
+            (*north, *east) = (F::Real::ZERO, F::Real::ZERO);
         }
-    });
-    Ok(averaged.collect())
+        let turn = Quaternion::from_rotation_vector(&turn);
+        attitudes.push(Attitude { orientation: turn.mul(&attitude.orientation), ..attitude });
+    }
+    Ok(attitudes)
 }
 
-/// The orientation between two orientations, nearer to the one with the larger weight.
-fn between<T: Real>(
+/// The rotation vector, earth frame, from an orientation to the mean of two: it is nearer to the
+/// orientation with the larger weight.
+fn towards<T: Real>(
     (a, weight_a): (Quaternion<T>, T),
     (b, weight_b): (Quaternion<T>, T),
-) -> Quaternion<T> {
+) -> [T; 3] {
     let sum = weight_a + weight_b;
     let share = if sum > T::ZERO { weight_b * sum.recip() } else { T::HALF };
-    let turn = a.conj().mul(&b).rotation_vector();
-    a.mul(&Quaternion::from_rotation_vector(&scaled(&turn, share)))
+    scaled(&b.mul(&a.conj()).rotation_vector(), share)
 }

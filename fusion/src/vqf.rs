@@ -38,9 +38,9 @@ settings! {
 }
 
 impl VqfGains {
-    /// For [`offline`](crate#features) use: each of two averaged passes may be slower.
+    /// For [`offline`](crate#features) use: two passes smooth more than one.
     pub const fn offline() -> Self {
-        Self { acc_tau_s: 2.0, acc_smoothing_s: 2.0, mag_tau_s: 18.0 }
+        Self { acc_tau_s: 2.0, acc_smoothing_s: 1.5, mag_tau_s: 18.0 }
     }
 
     /// The constants of the published filter: Butterworth with 3 s, heading 9 s.
@@ -64,6 +64,8 @@ pub struct Vqf<T = f32> {
 impl<T: Real> Filter for Vqf<T> {
     type Real = T;
     type Gains = VqfGains;
+
+    const IS_SECOND_ORDER: bool = true;
 
     fn new(gains: &VqfGains) -> Result<Self, ConfigError> {
         in_range(gains.acc_tau_s, 0.01, 1e4, "acc_tau_s")?;

@@ -106,6 +106,34 @@ fn time_has_no_direction() {
     assert!(rms_deg(&plain, &truth) < 1.0);
 }
 
+/// An acceleration that swings tilts the VQF class by the square of its filter's response: less than
+/// the mean of two passes, which has the real part of the response.
+#[test]
+fn a_swinging_acceleration_counts_by_the_square_of_the_response() {
+    const SWING: f64 = 0.5;
+    let per_s = core::f64::consts::TAU * 0.2;
+    let samples: Vec<_> = (0..12_000)
+        .map(|k| {
+            let forward = SWING * (per_s * f64::from(k) * DT_S).sin();
+            let acc = [forward as f32, 0.0, -GRAVITY];
+            let sample = Sample { gyr: [0.0; 3], acc, mag: None };
+            TimedSample { dt_s: DT_S as f32, sample }
+        })
+        .collect();
+    let swung = smooth::<Vqf<f64>>(&config(), &samples).expect("valid");
+    let pitch = swung[4_000..8_000].iter().map(|attitude| attitude.orientation.pitch());
+    let (least, most) = pitch.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
+    let response = (most - least) / 2.0 * f64::from(GRAVITY) / SWING;
+    // 1 / (tau T s^2 + tau s + 1) at s = j per_s.
+    let VqfGains { acc_tau_s, acc_smoothing_s, .. } = VqfGains::offline();
+    let [tau, smoothing] = [acc_tau_s, acc_smoothing_s].map(f64::from);
+    let (real, imaginary) = (1.0 - tau * smoothing * per_s * per_s, tau * per_s);
+    let square = 1.0 / (real * real + imaginary * imaginary);
+    let mean = (real * square).abs();
+    assert!((response / square - 1.0).abs() < 0.05, "{response} for {square}; mean {mean}");
+    assert!(mean > 3.0 * response, "{response} for {square}; mean {mean}");
+}
+
 #[test]
 fn recordings_of_no_sample_and_of_one_are_no_trouble() {
     assert!(smooth::<Vqf>(&config(), &[]).expect("valid").is_empty());

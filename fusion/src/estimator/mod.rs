@@ -84,7 +84,7 @@ const SHORT_TURN: f32 = 2e-3;
 const UNCERTAINTY_STEPS: u8 = 64;
 
 /// Age at which a running mean has become as slow as the slowest filter, s.
-const SETTLED_S: f32 = 10.0;
+pub(crate) const SETTLED_S: f32 = 10.0;
 
 /// An attitude estimator around a [`Filter`].
 #[derive(Clone, Debug)]

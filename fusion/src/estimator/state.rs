@@ -149,11 +149,18 @@ impl<F: Filter> Estimator<F> {
             rate: self.rate.map(|rate| -rate),
             bias: self.bias.map(|bias| -bias),
             half_gyr_lag_s: -self.half_gyr_lag_s,
-            acc_lag_s: -self.acc_lag_s,
+            // The errors of the lag have opposite signs in the two directions.
+            acc_lag_s: F::Real::ZERO,
             mag_dt: F::Real::ZERO,
             uncertainty: self.uncertainty.clone(),
             ..*self
         })
+    }
+
+    /// The orientation at the time of the rates.
+    #[cfg(feature = "offline")]
+    pub(crate) fn orientation(&self) -> Quaternion<F::Real> {
+        self.orientation
     }
 
     /// Weight of the estimate: the time of its averaging, s, up to the slowest filter's.

@@ -50,7 +50,7 @@ Fixed point
 
 Offline
   With --offline the filter runs through the recording forth, back and forth again, and the two
-  directions are averaged: what comes later counts for each sample, as an offset of the gyroscope
+  directions are joined: what comes later counts for each sample, as an offset of the gyroscope
   that only a rest at the end shows. In f32 and f64; the recording is held in memory.
 
 Keys of --set
