@@ -4,7 +4,8 @@
 //! way there it interrupts, and the servo is sent to neutral: a hung program would otherwise hold
 //! the last rudder angle, and the bootloader then leaves the servo without pulses for half a
 //! second. A program that does not feed it within [`GRACE_MS`] of that is reset by
-//! [`crash::stop_hanging`], between two pulses, where the watchdog itself would cut one.
+//! [`crash::stop_hanging`], between two pulses, where the watchdog itself would cut one. SysTick
+//! counts beside the watchdog and does the same.
 //!
 //! Clearing it takes some 5 ms to reach its slow clock, and a second clear in that time would stall
 //! the whole chip until the first has arrived. So it is fed no more often than [`Work`] allows, and
@@ -36,9 +37,12 @@ const CLEAR_KEY: u8 = 0xA5;
 /// oscillator is 40 % fast, and some 5 until it has been held off.
 const GRACE_MS: u8 = 15;
 
-/// Milliseconds left of [`GRACE_MS`] and one more, if the early warning has come and the watchdog
-/// has not been fed since; else 0.
-static GRACE: AtomicU8 = AtomicU8::new(0);
+/// Interrupts of SysTick from a feed to the warning of its own: the watchdog may be off.
+const PATIENCE_MS: u8 = 65;
+
+/// Interrupts of SysTick until a reset, unless the watchdog is fed; 0 before it is fed first. The
+/// last [`GRACE_MS`] and one follow a warning.
+static LEFT_MS: AtomicU8 = AtomicU8::new(0);
 
 /// Feeds the watchdog as long as the loop does its work.
 pub(crate) struct WatchdogGuard {
@@ -70,7 +74,7 @@ impl WatchdogGuard {
             self.work.fed(now);
             frame::forget_begin();
             crash::has_started();
-            GRACE.store(0, Ordering::Relaxed);
+            LEFT_MS.store(PATIENCE_MS + GRACE_MS, Ordering::Relaxed);
         }
     }
 
@@ -87,16 +91,19 @@ impl WatchdogGuard {
 /// Whether the chip is about to be reset: the servo is to stay at neutral then, whatever a loop
 /// that goes on asks for.
 pub(crate) fn has_warned() -> bool {
-    GRACE.load(Ordering::Relaxed) != 0
+    (1..=GRACE_MS + 1).contains(&LEFT_MS.load(Ordering::Relaxed))
 }
 
 /// A millisecond has gone by. Ends a program that hangs.
 pub(crate) fn tick() {
-    let grace = GRACE.load(Ordering::Relaxed);
-    if grace == 1 {
-        crash::stop_hanging();
+    const WARNED: u8 = GRACE_MS + 1;
+    let left = LEFT_MS.load(Ordering::Relaxed);
+    match left {
+        1 => crash::stop_hanging(),
+        WARNED => warn(),
+        _ => {}
     }
-    GRACE.store(grace.saturating_sub(1), Ordering::Relaxed);
+    LEFT_MS.store(left.saturating_sub(1), Ordering::Relaxed);
 }
 
 /// Whether the watchdog is running.
@@ -136,8 +143,12 @@ fn WDT() {
     registers().intflag().write(|w| w.ew().set_bit());
     // An interrupt that comes again and again is not to put the end off.
     if !has_warned() {
-        GRACE.store(GRACE_MS + 1, Ordering::Relaxed);
+        LEFT_MS.store(GRACE_MS + 1, Ordering::Relaxed);
     }
+    warn();
+}
+
+fn warn() {
     // A clock that is divided otherwise makes the program late and its pulses long, or the watchdog
     // early.
     restore_clocks();

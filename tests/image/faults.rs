@@ -224,24 +224,32 @@ fn a_hung_loop_is_reset_and_told() {
 }
 
 /// The early warning outranks the interrupts of bus and frame: whichever of them hangs, the rudder
-/// is at neutral within the 62.5 ms of the warning and a frame.
+/// is at neutral within the 62.5 ms of the warning and a frame; within 65 ms and a frame where a
+/// flipped bit has turned the watchdog off at the same instant.
 #[test]
 fn an_interrupt_that_hangs_does_not_hold_the_rudder() {
+    /// WDT.CTRL.
+    const WATCHDOG: u32 = 0x4000_1000;
     let flight = in_flight();
-    for handler in ["SERCOM4", "TCC0"] {
+    let handlers = [("SERCOM4", false), ("TCC0", false), ("SERCOM4", true), ("TCC0", true)];
+    for (handler, without_watchdog) in handlers {
         let mut flight = flight.clone();
         let Ready { rig, station, .. } = &mut flight;
         let at = rig.now();
+        if without_watchdog {
+            assert!(rig.flip_register(WATCHDOG, 1), "ENABLE");
+        }
         // Its first instruction is a branch to itself now.
         let entry = firmware().symbol(handler).expect(handler) & !1;
         rig.chip_mut().load_flash(entry, &[0xFE, 0xE7]);
         station.run(rig, ms(400)).unwrap();
         let (reset, cause) = rig.resets()[0];
         assert_eq!(cause, ResetCause::System, "{handler}");
-        let pulses = rig.truth().pulses_since(at + Ticks::from_us(62_500 + 20_000));
-        let before: Vec<&Pulse> = pulses.iter().filter(|pulse| pulse.fall < reset).collect();
-        assert!(!before.is_empty(), "{handler}");
-        for pulse in before {
+        assert!(reset < at + ms(220), "{handler}, {without_watchdog}: {}", reset - at);
+        let warned = at + ms(65);
+        let pulses = rig.truth().pulses_since(warned).iter().filter(|pulse| pulse.fall < reset);
+        let last = pulses.clone().next_back().expect("a pulse behind the warning");
+        for pulse in pulses.filter(|pulse| pulse.rise > warned + ms(20)).chain([last]) {
             let width = pulse.width_us();
             assert!(default_neutral_us().contains(&width), "{handler}: {width}");
         }
