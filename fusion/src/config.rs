@@ -67,7 +67,7 @@ impl<G> Config<G> {
             rest: RestConfig::default(),
             field: FieldConfig::default(),
             acc_gate: f32::INFINITY,
-            gyro_range_rad_s: 34.5,
+            gyro_range_rad_s: 35.0,
             recovery_rad2_s: 0.02,
             gap_s: 0.25,
             start_up_s: 1.0,

@@ -50,6 +50,8 @@ pub struct Kalman<T = f32> {
     gyr: T,
     gyr_scale: T,
     bias_walk: T,
+    /// Variance of an offset that is not known, (rad/s)^2.
+    unknown: T,
     acc: T,
     mag: T,
     /// Covariance of the attitude's error, rad^2.
@@ -88,6 +90,7 @@ impl<T: Real> Filter for Kalman<T> {
             gyr: real(gains.gyr_rad2_s),
             gyr_scale: real(gains.gyr_scale_s),
             bias_walk: real(gains.bias_rad2_s3),
+            unknown: real(gains.bias_rad_s * gains.bias_rad_s),
             acc: real(gains.acc_rad2_s),
             mag: real(gains.mag_rad2_s),
             attitude: diagonal(real(0.1)),
@@ -103,6 +106,10 @@ impl<T: Real> Filter for Kalman<T> {
         (self.gyr, self.gyr_scale, self.bias_walk) = (new.gyr, new.gyr_scale, new.bias_walk);
         (self.acc, self.mag) = (new.acc, new.mag);
         Ok(())
+    }
+
+    fn forget_bias(&mut self) {
+        (self.mixed, self.offset, self.bias) = ([zero(); 3], diagonal(self.unknown), zero());
     }
 
     fn correction(&mut self, view: &View<T>, bias: &mut [T; 3]) -> [T; 3] {

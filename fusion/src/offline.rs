@@ -1,8 +1,8 @@
 //! Both directions of time, for recordings.
 //!
-//! A filter that runs through a recording knows the past of each sample. A filter that runs from the
-//! end knows its future. Together they have no delay: an error of the gyroscope makes one pass late
-//! and the other early.
+//! A filter that runs through a recording knows the past of each sample. A filter that runs from
+//! the end knows its future. Together they have no delay: an error of the gyroscope makes one pass
+//! late and the other early.
 //!
 //! The first pass learns the gyroscope's offset, the field, the field's lag and the ranges in which
 //! the gyroscope clips. The second pass goes back from the end, the third forth from the beginning.

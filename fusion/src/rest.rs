@@ -103,6 +103,11 @@ impl<T: Real> Rest<T> {
         })
     }
 
+    /// Whether an offset is one that a gyroscope may have.
+    pub(crate) fn allows(&self, bias: &[T; 3]) -> bool {
+        within(bias, self.max_bias)
+    }
+
     /// Whether the last blocks were at rest.
     pub(crate) fn is_at_rest(&self) -> bool {
         self.still >= self.needed

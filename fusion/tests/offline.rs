@@ -106,8 +106,8 @@ fn time_has_no_direction() {
     assert!(rms_deg(&plain, &truth) < 1.0);
 }
 
-/// An acceleration that swings tilts the VQF class by the square of its filter's response: less than
-/// the mean of two passes, which has the real part of the response.
+/// An acceleration that swings tilts the VQF class by the square of its filter's response. The mean
+/// of two passes would have the real part of the response, which is more.
 #[test]
 fn a_swinging_acceleration_counts_by_the_square_of_the_response() {
     const SWING: f64 = 0.5;

@@ -245,6 +245,72 @@ where
     most
 }
 
+/// Rates that are no numbers for two seconds, in which the body turns by 57 deg, are a gap.
+#[test]
+fn skipped_samples_are_a_gap() {
+    let (mut body, mut estimator) = (Body::new(0.01, 0.1), started::<Vqf>());
+    for _ in 0..1_000 {
+        estimator.update(0.01, &body.step(Vector3::zeros(), true));
+    }
+    for k in 1..=200 {
+        let mut sample = body.step(Vector3::new(0.5, 0.0, 0.0), true);
+        sample.gyr = [f32::NAN; 3];
+        let attitude = estimator.update(0.01, &sample);
+        assert_eq!(attitude.flags.gap, k >= 25, "{k}");
+    }
+    let tilt_rad = estimator.quality().tilt_rad;
+    assert!(tilt_rad > 0.3, "{tilt_rad}");
+    let mut error_deg = 0.0;
+    for _ in 0..1_000 {
+        let attitude = estimator.update(0.01, &body.step(Vector3::new(0.2, 0.1, 0.0), true));
+        error_deg = body.error_deg(&attitude.orientation);
+    }
+    assert!(error_deg < 8.0, "{error_deg} deg after ten seconds");
+}
+
+/// A few skipped samples count by the rate behind them.
+#[test]
+fn the_time_of_skipped_samples_counts() {
+    let (mut body, mut estimator) = (Body::new(0.01, 0.0), started::<Vqf>());
+    for _ in 0..1_000 {
+        estimator.update(0.01, &body.step(Vector3::zeros(), true));
+    }
+    let mut error_deg = 0.0;
+    for k in 0..200 {
+        let mut sample = body.step(Vector3::new(0.0, 1.0, 0.0), true);
+        if k % 4 != 3 {
+            sample.gyr[0] = f32::INFINITY;
+        }
+        error_deg = body.error_deg(&estimator.update(0.01, &sample).orientation);
+    }
+    assert!(error_deg < 2.5, "{error_deg} deg after 115 deg of turn");
+}
+
+/// Garbage makes the Kalman filter believe in an impossible offset, which it forgets.
+#[test]
+fn an_impossible_offset_is_forgotten() {
+    for samples in [1_000, 100_000] {
+        let (mut body, mut estimator) = (Body::new(0.01, 0.1), started::<Kalman>());
+        let mut noise = Noise(7);
+        for _ in 0..samples {
+            let garbage = Sample {
+                gyr: noise.vector(10.0).cast().into(),
+                acc: noise.vector(60.0).cast().into(),
+                mag: Some(noise.vector(500.0).cast().into()),
+            };
+            estimator.update(0.01, &garbage);
+        }
+        let mut error_deg = 0.0;
+        for k in 0..6_000 {
+            let t = f64::from(k) * 0.01;
+            let rate = Vector3::new((1.3 * t).sin(), (0.7 * t).cos(), (0.9 * t).sin());
+            let attitude = estimator.update(0.01, &body.step(rate, true));
+            error_deg = body.error_deg(&attitude.orientation);
+        }
+        assert!(error_deg < 2.0, "{error_deg} deg a minute after {samples} samples");
+    }
+}
+
 #[test]
 fn an_offset_is_learned_in_motion() {
     let errors = [unknown_offset_deg::<Kalman>(), unknown_offset_deg::<Vqf>()];

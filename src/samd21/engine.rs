@@ -55,8 +55,8 @@ impl Engine {
         self.dsu.statusa().read().done().bit_is_set()
     }
 
-    /// Takes what the engine has summed, and has it read the next slice. `false` if the sum is wrong
-    /// or does not come.
+    /// Takes what the engine has summed, and has it read the next slice. `false` if the sum is
+    /// wrong or does not come.
     pub(super) fn go_on(&mut self) -> bool {
         if !self.is_done() {
             self.waited += 1;

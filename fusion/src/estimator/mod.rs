@@ -122,6 +122,8 @@ pub struct Estimator<F: Filter> {
     acc_lag_s: F::Real,
     gap_s: f32,
     start_up_s: F::Real,
+    /// Time of the skipped samples since the last sample that was used, s.
+    skipped_s: f32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -176,6 +178,7 @@ impl<F: Filter> Estimator<F> {
             acc_lag_s: lag::checked(config.acc_lag_s, "acc_lag_s")?,
             gap_s: config.gap_s,
             start_up_s: real(config.start_up_s),
+            skipped_s: 0.0,
         })
     }
 
@@ -213,18 +216,37 @@ impl<F: Filter> Estimator<F> {
     /// Take one sample, `dt_s` seconds after the sample before (any number for the first).
     ///
     /// Never fails: the update leaves out unusable values, and the flags say so. If `dt_s` is not
-    /// positive and finite, or a rate is not finite, only the flags change.
+    /// positive and finite, or a rate is not finite, the sample is skipped. The next sample counts
+    /// for the time of the skipped ones, too; together they may be a gap.
     #[inline]
     pub fn update(&mut self, dt_s: f32, sample: &Sample) -> Attitude<F::Real> {
         self.flags.gap = false;
-        self.flags.skipped =
-            !within(&sample.gyr, f32::MAX) || dt_s.to_bits() as i32 <= 0 || !dt_s.within(f32::MAX);
+        let has_time = dt_s.to_bits() as i32 > 0 && dt_s.within(f32::MAX);
+        self.flags.skipped = !has_time || !within(&sample.gyr, f32::MAX);
         if self.phase == Phase::Blank {
             self.start(sample);
-        } else if !self.flags.skipped {
+        } else if self.flags.skipped {
+            self.skip(if has_time { dt_s } else { 0.0 });
+        } else if self.skipped_s.to_bits() == 0 {
             self.step(dt_s, sample);
+        } else {
+            let skipped_s = core::mem::take(&mut self.skipped_s);
+            self.step(skipped_s + dt_s, sample);
         }
         self.attitude()
+    }
+
+    /// A sample is skipped, `dt_s` after the one before.
+    #[cold]
+    fn skip(&mut self, dt_s: f32) {
+        let before_s = self.skipped_s;
+        self.skipped_s = before_s + dt_s;
+        if !self.skipped_s.within(self.gap_s) {
+            if before_s.within(self.gap_s) {
+                self.gap();
+            }
+            self.flags.gap = true;
+        }
     }
 
     #[inline(always)]
@@ -275,7 +297,13 @@ impl<F: Filter> Estimator<F> {
             floor,
             starting: !self.flags.initialised,
         };
+        let before = self.bias;
         self.pending = self.filter.correction(&view, &mut self.bias);
+        if F::FINDS_BIAS && self.rest.allows(&before) && !self.rest.allows(&self.bias) {
+            self.bias = zero();
+            self.filter.forget_bias();
+            self.unsettle(F::Real::from_f32(GAP_SIGMA * GAP_SIGMA));
+        }
         self.update_uncertainty(&view);
         if hidden.is_some() || self.recovery.is_active() {
             self.recover(&view, hidden, sample);
