@@ -376,16 +376,27 @@ fn a_laptop_that_stops_reading_or_goes_away_disturbs_nothing() {
     assert_eq!(station.state(), Some(StateKind::Active));
 }
 
-/// An image that lost a bit while nothing ran is left to the bootloader, and the servo gets no
-/// pulse; the image that replaces it tells so.
+/// An image that lost a bit while nothing ran is left to the bootloader, and the servo gets neutral
+/// pulses alone; the image that replaces it tells so.
 #[test]
 fn a_damaged_image_is_not_started_and_leaves_the_rudder_at_neutral() {
-    let mut flight = in_flight();
-    let Ready { rig, station, .. } = &mut flight;
+    let flight = in_flight();
     let image = firmware();
-    let place = image.address() + image.bytes().len() as u32 / 2;
+    let middle = (image.address() + image.bytes().len() as u32 / 2, 0x10);
+    // SUBS becomes ASRS: every time that has passed is wrong.
+    let mut symbols = image.symbols();
+    let (_, since) = symbols.find(|(name, _)| name.contains("Micros5since")).expect("a function");
+    let since = (since & !1) + 9;
+    assert_eq!(image.bytes()[(since - image.address()) as usize], 0x1A);
+    for (place, bit) in [middle, (since, 0x08)] {
+        refuses_to_start(flight.clone(), place, bit);
+    }
+}
+
+fn refuses_to_start(mut flight: Ready, place: u32, bit: u8) {
+    let Ready { rig, station, .. } = &mut flight;
     let sound = rig.chip().flash()[place as usize];
-    rig.chip_mut().load_flash(place, &[sound ^ 0x10]);
+    rig.chip_mut().load_flash(place, &[sound ^ bit]);
     rig.press_reset();
     let at = rig.now();
     station.run(rig, ms(2000)).unwrap();
