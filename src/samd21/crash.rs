@@ -22,7 +22,7 @@ use cortex_m_rt::{ExceptionFrame, exception};
 use tvc_nano::{Axis, Crash, SelfCheck};
 
 use super::registers::restore_clocks;
-use super::{dfll, frame, time, usb, watchdog};
+use super::{dfll, frame, last_frames, time, usb, watchdog};
 
 /// Marks a record, and its layout's version.
 const MAGIC: u32 = 0x5456_4334;
@@ -118,6 +118,10 @@ fn end(kind: u32, detail: u32) -> ! {
     cortex_m::interrupt::disable();
     frame::force_neutral();
     Record::new(kind, detail).store();
+    const DAMAGED: u32 = SelfCheck::Flash.code() as u32;
+    if kind == HARD_FAULT || kind == SELF_CHECK && detail == DAMAGED {
+        last_frames::reset_behind();
+    }
     if watchdog::is_running() {
         const BROKEN: u32 = SelfCheck::Registers.code() as u32;
         watchdog::hold_off();
@@ -164,7 +168,7 @@ pub(crate) fn stop(check: SelfCheck) -> ! {
 #[cold]
 #[inline(never)]
 pub(crate) fn refuse_to_start(check: SelfCheck) -> ! {
-    let kept = KeptNeutral::read().filter(|_| dfll::is_as_meant());
+    let kept = KeptNeutral::read().filter(|_| dfll::is_as_meant() && dfll::is_untuned());
     if let Some(counts) = kept {
         frame::will_be_sent(counts);
         frame::send_pulses(counts);

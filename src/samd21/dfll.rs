@@ -64,6 +64,13 @@ pub(crate) fn is_as_meant() -> bool {
     is_read && coarse() == calibrated_coarse() && registers::is_processor_right()
 }
 
+/// Whether FINE is that of a start, which nothing has tuned.
+pub(crate) fn is_untuned() -> bool {
+    /// The HAL's: the middle of the range.
+    const START: u16 = 511;
+    fine() == START
+}
+
 /// The DFLL's coarse value as it was when it was asked for last.
 fn coarse() -> u8 {
     sysctrl().dfllval().read().coarse().bits()

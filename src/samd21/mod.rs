@@ -34,6 +34,7 @@ pub(crate) mod frame;
 pub(crate) mod i2c;
 pub(crate) mod image_check;
 pub(crate) mod interrupts;
+mod last_frames;
 pub(crate) mod log;
 mod pin;
 pub(crate) mod registers;
