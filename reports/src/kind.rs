@@ -27,12 +27,14 @@ pub enum Kind {
     Recording,
     /// A firmware image.
     Image,
+    /// Edges of a logic analyser.
+    Waves,
     /// Files in one.
     Archive,
 }
 
 /// Every kind, what people call it, and how the names of its files end.
-const KINDS: [(Kind, &str, &[&str]); 8] = [
+const KINDS: [(Kind, &str, &[&str]); 9] = [
     (Kind::Log, "a telemetry log", &["tlog", "mcap"]),
     (Kind::Table, "a table", &["csv"]),
     (Kind::Page, "a page", &["html", "htm"]),
@@ -40,6 +42,7 @@ const KINDS: [(Kind, &str, &[&str]); 8] = [
     (Kind::Toml, "a TOML file", &["toml"]),
     (Kind::Recording, "a recording", &["imuq"]),
     (Kind::Image, "an image", &["elf", "bin", "uf2"]),
+    (Kind::Waves, "waves", &["vcd"]),
     (Kind::Archive, "an archive", &["zip"]),
 ];
 
@@ -112,6 +115,14 @@ pub fn toml(path: &str) -> Result<PathBuf, String> {
 /// As [`page`].
 pub fn image(path: &str) -> Result<PathBuf, String> {
     output(path, &[Kind::Image])
+}
+
+/// The path of waves to write.
+///
+/// # Errors
+/// As [`log`].
+pub fn waves(path: &str) -> Result<PathBuf, String> {
+    named(path, &[Kind::Waves])
 }
 
 /// The path of an archive to write.
@@ -247,7 +258,7 @@ fn may_replace(path: &Path, kind: Kind) -> bool {
     match kind {
         Kind::Page => is_page,
         // Logs and recordings hold zeros, text does not.
-        Kind::Table | Kind::Parameters | Kind::Toml => !is_page && !head.contains(&0),
+        Kind::Table | Kind::Parameters | Kind::Toml | Kind::Waves => !is_page && !head.contains(&0),
         // Where a log is written there must be none, and images are told by their names.
         Kind::Log | Kind::Recording | Kind::Image => true,
         Kind::Archive => head.starts_with(b"PK"),

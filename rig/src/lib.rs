@@ -44,7 +44,7 @@ pub use fly::{action, attended, faults, flight, pilot, profile, replay, rocket};
 pub use fly::{control, pty, real_time};
 pub use ground_station::GroundStation;
 pub use image::Image;
-pub use observe::{ground_truth, measure};
+pub use observe::{ground_truth, measure, waves};
 pub use rig::{LIVE_KEYS, ProgramEnd, Rig, RigConfig, RigError};
 
 pub use samd21::SyncHold;

@@ -15,6 +15,7 @@ mod running;
 mod support;
 mod tether;
 mod tuning;
+mod waves;
 
 /// The program under test.
 const PROGRAM: &str = env!("CARGO_BIN_EXE_tvc");

@@ -67,6 +67,8 @@ pub struct BenchConfig {
     pub disturbances: Disturbances,
     /// Faults of the sensor and its cable after each release or power-on.
     pub faults: Vec<TimedFault>,
+    /// A logic analyser records the edges of bus and pins from each release on.
+    pub waves: bool,
 }
 
 impl Default for BenchConfig {
@@ -85,6 +87,7 @@ impl Default for BenchConfig {
             field: EarthField::COPENHAGEN,
             disturbances: Disturbances::default(),
             faults: Vec::new(),
+            waves: false,
         }
     }
 }

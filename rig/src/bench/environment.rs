@@ -27,6 +27,7 @@ use super::{
 use crate::bno055::{Bno055, Fault, ImuErrors, Stimulus};
 use crate::observe::ground_truth::{GroundTruth, Motion, Roll};
 use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
+use crate::observe::waves::Waves;
 use nalgebra::{UnitQuaternion, Vector3};
 use plant::{Crank, ParameterError, Servo};
 use samd21::board::{Board, I2cEvent, I2cPins, I2cReply, Lines, Pin, Ticks};
@@ -125,7 +126,10 @@ impl Environment {
             held_sensor: None,
             jumper: (bench.jumper && bench.axes() == 1).then_some(false),
             analyzer: LogicAnalyzer::default(),
-            truth: GroundTruth::default(),
+            truth: GroundTruth {
+                waves: bench.waves.then(Waves::default),
+                ..GroundTruth::default()
+            },
         })
     }
 
@@ -431,6 +435,9 @@ impl Board for Environment {
         let registers =
             Registers { refresh: self.sensor.refresh, faultless: self.sensor.faultless };
         self.analyzer.i2c(now, event, reply, registers, &mut self.truth);
+        if let Some(waves) = &mut self.truth.waves {
+            waves.i2c(now, event, reply);
+        }
         reply
     }
 
@@ -445,6 +452,9 @@ impl Board for Environment {
 
     fn pin(&mut self, now: Ticks, pin: Pin, level: bool) {
         let wiring = self.wiring;
+        if let Some(waves) = &mut self.truth.waves {
+            waves.pin(now, pin, level, &wiring);
+        }
         match pin {
             pin if wiring.servos.contains(&pin) => {
                 self.advance(now);

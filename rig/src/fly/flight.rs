@@ -5,6 +5,7 @@ use crate::ground_station::{GroundStation, GroundStationError, Received};
 use crate::image::Image;
 use crate::observe::ground_truth::{Motion, Pulse};
 use crate::observe::measure::{LoopTiming, events_without};
+use crate::observe::waves::Waves;
 use crate::random::{Stream, generator};
 use crate::rig::{Rig, RigConfig, RigError};
 use client::{LinkCounts, StateKind};
@@ -175,6 +176,8 @@ pub struct FlightRecord {
     pub priorities: [i8; EXCEPTIONS],
     /// The firmware's state at the end.
     pub final_state: Option<StateKind>,
+    /// The edges of bus and pins, where the setup has them recorded.
+    pub waves: Option<Waves>,
     /// Time simulated for this flight, tilting included, s.
     pub simulated_s: f64,
     /// Part of this for which the core was awake, s.
@@ -364,6 +367,7 @@ impl Ready {
     ) -> Flown<FlightRecord> {
         let released = self.rig.now();
         self.station.begin_measurement();
+        self.rig.environment_mut().truth.waves.iter_mut().for_each(Waves::clear);
         let mark = Mark::of(&self.rig);
         let length = Ticks::from_secs_f64(seconds);
         self.watch_until(Stage::Flight, released, released + length, progress)?;
@@ -432,6 +436,7 @@ impl Ready {
             missing: missing(&self.rig, &received, &window),
             pulses: truth.pulses_since(window.start).to_vec(),
             roll_pulses: truth.roll_pulses.clone(),
+            waves: truth.waves.clone(),
             motion,
             link: self.station.counts(),
             received,

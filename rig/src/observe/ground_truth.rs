@@ -1,6 +1,7 @@
 //! What really happened on the rig: motion, pulses, bursts and control steps.
 
 use crate::bno055::Refresh;
+use crate::observe::waves::Waves;
 use samd21::board::Ticks;
 use tvc_nano::Axis;
 
@@ -131,12 +132,15 @@ pub struct GroundTruth {
     pub steps: Vec<Step>,
     /// The pulses that have begun and not ended, by axis.
     pub high: [Option<High>; Axis::COUNT],
+    /// The edges of bus and pins, where they are recorded.
+    pub waves: Option<Waves>,
 }
 
 impl GroundTruth {
     /// Forgets all that is over, as at the start of a measurement.
     pub fn clear(&mut self) {
-        *self = Self { high: self.high, ..Self::default() };
+        let waves = self.waves.take();
+        *self = Self { high: self.high, waves, ..Self::default() };
     }
 
     /// Finished pulses of an axis' servo.

@@ -4,3 +4,4 @@
 pub mod ground_truth;
 pub(crate) mod logic_analyzer;
 pub mod measure;
+pub mod waves;

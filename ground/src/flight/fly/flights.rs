@@ -11,6 +11,7 @@ use tvc_nano::Axis;
 use super::figures::Measured;
 use super::live::Live;
 use super::{Flying, Stopwatch, report};
+use ::report::file::WholeFile;
 use ::report::measure::Figures;
 use flights::figures::Run;
 
@@ -53,6 +54,11 @@ impl Flying<'_> {
         let records = starts.iter().map(|start| fly(&ready, *start, FLIGHT_S));
         let records = records.collect::<Result<Vec<_>>>()?;
         let unhindered = fly(&unhindered, starts[0], CYCLES_S)?;
+        if let (Some(path), Some(waves)) = (&options.vcd, &records[0].waves) {
+            let mut file = WholeFile::create(path)?;
+            waves.write(&mut file).with_context(|| format!("writing {}", path.display()))?;
+            file.keep()?;
+        }
         let stacks = records.iter().map(|record| record.stack_high_water);
         let load: f64 = records.iter().map(|record| record.cpu_load).sum();
         let measured = Measured {

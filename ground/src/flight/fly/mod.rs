@@ -21,7 +21,7 @@ use rig::flight::{FlightRecord, Setup};
 use samd21::board::Ticks;
 
 use crate::flight::vehicle::VehicleKind;
-use ::report::exit::Verdict;
+use ::report::exit::{BadInput, Verdict};
 use ::report::measure::Figures;
 use ::report::page::{page, verdicts};
 use design::control_law;
@@ -41,9 +41,13 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     if options.vehicle == Rocket {
         rocket::check(options)?;
     }
+    if options.vcd.is_some() && options.vehicle != Drone {
+        return Err(BadInput::new("--vcd is for --vehicle drone").into());
+    }
     let mut setup = setup(options)?;
     let image = options.image.image()?;
     setup.rig.bench.faults = scenario.faults;
+    setup.rig.bench.waves = options.vcd.is_some();
     setup.rig.bench.disturbances = options.disturb.over(scenario.disturbances);
     let flying = Flying { image: &image, setup: &setup, options };
     let [seeds, dispersed] = [options.seeds, options.dispersed].map(|n| n.map(NonZeroU32::get));

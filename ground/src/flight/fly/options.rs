@@ -31,6 +31,7 @@ Examples:
   tvc fly --vibration 5,180 --servo-supply 5.5 --thrust-ramp 80,0.5
                                          an unbalanced propeller, a weak battery, a slow motor
   tvc fly --faults scenarios/faults.toml     faults of the sensor at times of the flight
+  tvc fly --start 0.4 --vcd flight.vcd   bus and pins of the flight for sigrok or GTKWave
   tvc fly --recording walk.imuq          feed a real recording to the emulated BNO055
 
 Exit status: 0 every requirement met, 1 one missed or something failed, 2 unusable input.")]
@@ -100,6 +101,10 @@ pub struct Fly {
     /// Where to write the HTML report.
     #[arg(long, value_name = "FILE.html", default_value = "report/fly.html", value_parser = kind::page)]
     pub report: PathBuf,
+
+    /// Write the first flight's bus and pins as a logic analyser records them (sigrok, GTKWave).
+    #[arg(long, value_name = "FILE.vcd", conflicts_with_all = ["seeds", "dispersed", "recording"], value_parser = kind::waves)]
+    pub vcd: Option<PathBuf>,
 
     /// What disturbs the flight.
     #[command(flatten)]
