@@ -30,8 +30,12 @@ const SELF_CHECK: u32 = 1;
 const HARD_FAULT: u32 = 2;
 const HANG: u32 = 3;
 
-/// A slow servo turns through all of its travel in this time.
-const NEUTRAL_MS: u32 = 600;
+/// Frames of neutral pulses before a reset of a damaged image: a tenth of a second at 50 Hz, less at
+/// 300 Hz, where a servo is fast.
+const LAST_FRAMES: u32 = 6;
+
+/// Frames in which a slow servo turns through all of its travel: 0.6 s at 50 Hz.
+const REFUSED_FRAMES: u32 = 30;
 
 /// Half of the time for which neutral pulses go on before a reset, us. The watchdog, which is fed
 /// before either half, takes 89 ms where its oscillator is 40 % fast: this, a frame and a pulse are
@@ -120,7 +124,7 @@ fn end(kind: u32, detail: u32) -> ! {
     Record::new(kind, detail).store();
     const DAMAGED: u32 = SelfCheck::Flash.code() as u32;
     if kind == HARD_FAULT || kind == SELF_CHECK && detail == DAMAGED {
-        last_frames::reset_behind();
+        last_frames::reset_behind(LAST_FRAMES);
     }
     if watchdog::is_running() {
         const BROKEN: u32 = SelfCheck::Registers.code() as u32;
@@ -174,14 +178,8 @@ pub(crate) fn refuse_to_start(check: SelfCheck) -> ! {
         frame::send_pulses(counts);
     }
     Record::new(SELF_CHECK, check.code().into()).store();
-    if kept.is_some() {
-        // By no clock: what reads it may be what is damaged.
-        for _ in 0..NEUTRAL_MS / 10 {
-            time::delay_us(10_000);
-            watchdog::hold_off();
-        }
-    }
-    usb::enter_bootloader()
+    usb::ask_for_bootloader();
+    last_frames::reset_behind(if kept.is_some() { REFUSED_FRAMES } else { 0 })
 }
 
 /// The neutral pulses, in counts of the servo frame's timer, where a reset leaves them; sealed as

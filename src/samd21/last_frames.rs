@@ -15,18 +15,16 @@ const KEY: u8 = 0xA5;
 const RESET: usize = 0xE000_ED0C;
 const RESET_ORDER: u32 = 0x05FA_0004;
 
-/// Frames of neutral pulses before the reset: a tenth of a second at 50 Hz, less at 300 Hz, where a
-/// servo is fast.
-const FRAMES: u32 = 6;
 /// Looks at the flag in the longest frame, of at least eight cycles each, and some more.
 const LOOKS: u32 = 130_000;
 /// Turns of a loop of three cycles or more in the longest pulse.
 const PULSE_TURNS: u32 = 2_250 * 48 / 3;
 
-/// Resets the chip between two pulses, after some frames of the pulses that the timer sends.
+/// Resets the chip between two pulses, after this number of frames of the pulses that the timer
+/// sends.
 #[inline(never)]
-pub(super) fn reset_behind() -> ! {
-    for _ in 0..=FRAMES {
+pub(super) fn reset_behind(frames: u32) -> ! {
+    for _ in 0..=frames {
         // SAFETY: registers that are always mapped.
         unsafe {
             let status = with_exposed_provenance::<u8>(WATCHDOG_STATUS).read_volatile();

@@ -162,10 +162,15 @@ impl Port {
 
 /// Leave a word for the bootloader and reset into it.
 pub(crate) fn enter_bootloader() -> ! {
+    ask_for_bootloader();
+    frame::reset_in_gap()
+}
+
+/// Leave a word for the bootloader: it stays behind the next reset.
+pub(crate) fn ask_for_bootloader() {
     cortex_m::interrupt::disable();
     // SAFETY: RAM above this program's stack (see memory.x), aligned.
     unsafe { BOOTLOADER_WORD.write_volatile(bootloader_magic()) };
-    frame::reset_in_gap()
 }
 
 /// The word that the bootloader of this board looks for: it has it somewhere in its own code. The
