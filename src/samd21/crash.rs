@@ -30,8 +30,8 @@ const SELF_CHECK: u32 = 1;
 const HARD_FAULT: u32 = 2;
 const HANG: u32 = 3;
 
-/// Frames of neutral pulses before a reset of a damaged image: a tenth of a second at 50 Hz, less at
-/// 300 Hz, where a servo is fast.
+/// Frames of neutral pulses before the reset of a damaged image: a tenth of a second at 50 Hz, less
+/// at 300 Hz, where a servo is fast.
 const LAST_FRAMES: u32 = 6;
 
 /// Frames in which a slow servo turns through all of its travel: 0.6 s at 50 Hz.
