@@ -50,6 +50,9 @@ The worst case is main's deepest way and, on it, the deepest handler of each pri
 set them. A call by a pointer is taken to reach the deepest function that it can reach. The rig
 flies the image, and the deepest stack that it sees must not exceed the worst case.
 
+There is no bound for recursion (unless --bound or lab/src/stack/bounds.rs gives one), for a second
+stack (PSP), for code in RAM and for GCC's __gnu_thumb1_case_*.
+
 Exit status: 0 the worst case is at most 60 % of what the statics leave and not exceeded on the rig,
 1 it is not, it has no bound, or something failed, 2 unusable input.")]
 pub struct Stack {
