@@ -4,7 +4,9 @@
 
 use std::fmt::Display;
 use std::fs::File;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use anyhow::Result;
 use clap::Args;
@@ -18,7 +20,7 @@ use crate::file::write_table;
 use crate::input;
 use crate::kind::{self, Kind};
 use crate::measure::Figures;
-use crate::progress::bar;
+use crate::progress::{INTERVAL, bar};
 
 /// How runs are carried out.
 #[derive(Debug, Args)]
@@ -92,7 +94,7 @@ pub fn carry_out<C: Sync, R: Send>(
 }
 
 /// Does `work` on as many threads as `jobs` says. It tells each of its `steps` as done, which a bar
-/// counts as `what`.
+/// counts as `what`. Where there is no terminal, each tenth is a line.
 ///
 /// # Errors
 /// The system gives no threads.
@@ -105,7 +107,16 @@ pub fn on_threads<R: Send>(
     let threads = rayon::ThreadPoolBuilder::new().num_threads(jobs.map_or(0, usize::from));
     let template = format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} to go");
     let bar = bar(steps, &template);
-    let done = threads.build()?.install(|| work(&|| bar.inc(1)));
+    let (is_drawn, begun) = (std::io::stderr().is_terminal(), Instant::now());
+    let done = threads.build()?.install(|| {
+        work(&|| {
+            bar.inc(1);
+            let position = bar.position();
+            if !is_drawn && begun.elapsed() > INTERVAL && 10 * position % steps < 10 {
+                eprintln!("{position}/{steps} {what}");
+            }
+        })
+    });
     bar.finish_and_clear();
     Ok(done)
 }

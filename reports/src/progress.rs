@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Time between two lines where there is no terminal; shorter work prints none.
-const INTERVAL: Duration = Duration::from_secs(2);
+pub(crate) const INTERVAL: Duration = Duration::from_secs(2);
 
 /// A bar of `steps` steps, by a template of [`ProgressStyle`].
 pub fn bar(steps: u64, template: &str) -> ProgressBar {
