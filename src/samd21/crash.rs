@@ -123,7 +123,8 @@ fn end(kind: u32, detail: u32) -> ! {
     frame::force_neutral();
     Record::new(kind, detail).store();
     const DAMAGED: u32 = SelfCheck::Flash.code() as u32;
-    if kind == HARD_FAULT || kind == SELF_CHECK && detail == DAMAGED {
+    // What follows here may be what is damaged.
+    if kind == SELF_CHECK && detail == DAMAGED {
         last_frames::reset_behind(LAST_FRAMES);
     }
     if watchdog::is_running() {
