@@ -194,12 +194,18 @@ impl Driver {
         let behind_failure = sampling.silent_since.is_some();
         // Rates of -1 on all axes come every few seconds at rest, but not after a lost burst.
         let chance = if behind_failure { 0 } else { sample::RATES.into() };
-        let judged = received(outcome, chance)
-            .and_then(|bytes| sampling.inspector.judge(&self.config, time, bytes, behind_failure));
+        let bytes = match received(outcome, chance) {
+            Ok(bytes) => bytes,
+            Err(fault) => return self.no_data(time, fault),
+        };
+        let judged = sampling.inspector.judge(&self.config, time, bytes, behind_failure);
         let Judged { sample, fresh, evidence, cleared } = match judged {
             Ok(judged) => judged,
-            // Ones, too: nobody drove the line for a part of the burst, which is a gap in the data.
-            Err(fault) if fault.is_bus() => return self.no_data(time, fault),
+            // Nobody drove the line for a part of the burst, which is a gap in the data.
+            Err(fault) if fault.is_bus() && sampling.weigh_ones() => {
+                return self.no_data(time, fault);
+            }
+            Err(fault) if fault.is_bus() => return self.unreliable(time),
             Err(fault) => return self.conclude(time, Err(fault)),
         };
         self.health.fresh = self.health.fresh.wrapping_add(u32::from(fresh));
@@ -209,10 +215,15 @@ impl Driver {
         if sampling.weigh(evidence) {
             self.conclude(time, Ok(sample))
         } else {
-            self.health.count(SensorFault::Unreliable);
-            self.restart(time, SensorFault::Unreliable);
-            Err(SensorFault::Unreliable)
+            self.unreliable(time)
         }
+    }
+
+    /// Too many bursts were wrong: the chip is set up anew.
+    fn unreliable<T>(&mut self, time: Micros) -> Result<T, SensorFault> {
+        self.health.count(SensorFault::Unreliable);
+        self.restart(time, SensorFault::Unreliable);
+        Err(SensorFault::Unreliable)
     }
 
     fn cause(&self) -> SensorFault {

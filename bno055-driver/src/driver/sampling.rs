@@ -14,6 +14,8 @@ const BAD_SAMPLES_MAX: u8 = 3;
 const WRONG_WEIGHT: u8 = 4;
 /// What a suspect burst adds.
 const SUSPECT_WEIGHT: u8 = 3;
+/// What ones in a part of a burst add: a glitch of the cable makes three such bursts.
+const ONES_WEIGHT: u8 = 2;
 /// At this level of the bucket the chip is set up anew: the good samples are not to be believed
 /// either, because flipped bits that are too small to be noticed come with those that are. Three
 /// bad samples reach it if at most three good ones lie between them, and so do four suspect bursts,
@@ -109,6 +111,11 @@ impl Sampling {
             }
         }
         true
+    }
+
+    /// Counts ones in a part of a burst; whether the other bursts are still trusted.
+    pub(super) fn weigh_ones(&mut self) -> bool {
+        !self.distrust(ONES_WEIGHT)
     }
 
     /// The next verification reads the identity, unless a register is to be read again.
