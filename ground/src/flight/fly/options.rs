@@ -102,7 +102,7 @@ pub struct Fly {
     #[arg(long, value_name = "FILE.html", default_value = "report/fly.html", value_parser = kind::page)]
     pub report: PathBuf,
 
-    /// Write the first flight's bus and pins as a logic analyser records them (sigrok, GTKWave).
+    /// Write bus and pins of the first flight for sigrok or GTKWave.
     #[arg(long, value_name = "FILE.vcd", conflicts_with_all = ["seeds", "dispersed", "recording"], value_parser = kind::waves)]
     pub vcd: Option<PathBuf>,
 
