@@ -63,10 +63,6 @@ pub(crate) const fn rates_at(mode: Mode) -> u32 {
 struct Words([[i16; 3]; 3]);
 
 impl Words {
-    const fn mag(&self) -> [i16; 3] {
-        self.0[1]
-    }
-
     const fn gyr(&self) -> [i16; 3] {
         self.0[2]
     }

@@ -20,10 +20,8 @@
 //! A wrong bit in the midst of a word looks like a motion. Bursts with features that are rare in a
 //! sound burst are [suspect](Evidence::Suspect). After several suspect or refused bursts in a short
 //! time, the driver sets the chip up anew. A vibration crosses -1 often. The next burst tells such
-//! a crossing, which clears the suspicion, from a word that comes back.
-//!
-//! A field has no range and no limit to its jumps: a magnet that passes moves it as far and as fast
-//! as a wrong bit. Only a series of large jumps shows wrong bits.
+//! a crossing, which clears the suspicion, from a word that comes back. A field has no range and no
+//! limit to its jumps: a magnet that passes moves it as far and as fast as a wrong bit.
 
 use super::still::Still;
 use super::{RATES, Words, rates_burst, words};
@@ -46,9 +44,6 @@ const QUIET_STILL_US: u32 = 90_000;
 const RATE_JUMP: u16 = 4_000;
 /// Largest jump that is not held after a failed transfer: 16 deg/s.
 const DISTURBED_JUMP: u16 = 256;
-
-/// Jump of the field that is suspect: 1,000 uT. A strong magnet that passes close by makes two.
-const FIELD_JUMP: u16 = 16_000;
 
 /// Words of 0 or -1 are plausible if the sensor's last good words were this near to them. For
 /// accelerometer, magnetometer and gyroscope: 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (about the same
@@ -135,7 +130,7 @@ impl Inspector {
         let mut cleared = false;
         if let Some(good) = good {
             let [acc, mag, gyr] = self.ones.look(&good, &now, &mut cleared);
-            is_suspect |= acc || mag || gyr || moved(&good.mag(), &sample.mag, FIELD_JUMP);
+            is_suspect |= acc || mag || gyr;
             if !is_confirmed && (gyr || moved(&good.gyr(), &sample.gyr, jump)) {
                 self.held = Some(sample.gyr);
                 sample.gyr = good.gyr();
@@ -227,8 +222,10 @@ fn vanished(mode: Mode, Words(good): &Words, Words(now): &Words) -> Option<Senso
 /// zero. Sensors clip at their range; offsets come on top.
 fn out_of_range(config: &Config, Words([acc, mag, gyr]): &Words) -> bool {
     let (acc_range, gyr_range) = (config.acc_range_counts(), config.gyr_range_counts());
-    moved(&[0; 3], acc, acc_range + acc_range / 64)
-        || moved(&[0; 3], gyr, gyr_range + gyr_range / 64)
+    let beyond =
+        |words: &[i16; 3], limit: u16| words.iter().any(|word| word.unsigned_abs() > limit);
+    beyond(acc, acc_range + acc_range / 64)
+        || beyond(gyr, gyr_range + gyr_range / 64)
         || config.needs_mag && config.mode.has_mag() && *mag == [0; 3]
 }
 
@@ -248,8 +245,6 @@ impl Default for Ones {
 impl Ones {
     /// The sensors of which a word has come to -1 from farther than [`NEAR`]. `crossed` says that
     /// a word went on from -1 as in motion, and that no word jumped back.
-    // A function of its own: 40 bytes less flash.
-    #[inline(never)]
     fn look(&mut self, Words(good): &Words, Words(now): &Words, crossed: &mut bool) -> [bool; 3] {
         let mut returned = false;
         let mut sensors = now.iter().zip(good).zip(&mut self.from.0).zip(NEAR);

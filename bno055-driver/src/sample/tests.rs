@@ -188,13 +188,10 @@ fn words_of_ones_are_suspect_where_the_sensor_was_elsewhere() {
 
 /// The magnetometer's z axis measures 2500 uT: a passing magnet shows all of it.
 #[test]
-fn any_field_is_believed_and_its_largest_jumps_are_suspect() {
+fn any_field_is_believed() {
     let burst = |x, z| with(&[(3, x), (5, z)]);
     let past = [burst(320, 0), burst(20_800, 32_767), burst(320, -32_768)];
-    assert_eq!(verdicts(&Config::default(), &past), [None; 3]);
-    assert_eq!(suspects(&past), [false, true, true]);
-    let near = [burst(320, 0), burst(16_320, 16_000), burst(320, 0)];
-    assert_eq!(suspects(&near), [false; 3]);
+    assert_eq!(suspects(&past), [false; 3]);
 }
 
 #[test]
