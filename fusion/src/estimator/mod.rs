@@ -227,13 +227,18 @@ impl<F: Filter> Estimator<F> {
             self.start(sample);
         } else if self.flags.skipped {
             self.skip(if has_time { dt_s } else { 0.0 });
-        } else if self.skipped_s.to_bits() == 0 {
-            self.step(dt_s, sample);
         } else {
-            let skipped_s = core::mem::take(&mut self.skipped_s);
-            self.step(skipped_s + dt_s, sample);
+            let is_next = self.skipped_s.to_bits() == 0;
+            let dt_s = if is_next { dt_s } else { self.with_skipped(dt_s) };
+            self.step(dt_s, sample);
         }
         self.attitude()
+    }
+
+    /// The time since the last sample that was used, s.
+    #[cold]
+    fn with_skipped(&mut self, dt_s: f32) -> f32 {
+        core::mem::take(&mut self.skipped_s) + dt_s
     }
 
     /// A sample is skipped, `dt_s` after the one before.
