@@ -60,7 +60,7 @@ const EARLY_TICK_CHANNEL: usize =
     CHANNELS * (CHANNELS - 1) / 2 - SERVO_CHANNELS[0] - SERVO_CHANNELS[1] - LAST_TICK_CHANNEL;
 
 /// INTFLAG.OVF: the frame begins.
-const OVERFLOW: u32 = 1;
+pub(super) const OVERFLOW: u32 = 1;
 /// INTFLAG.MCx of the ticks.
 const LAST: u32 = 1 << (16 + LAST_TICK_CHANNEL);
 /// See [`LAST`].
@@ -83,7 +83,7 @@ static FRAMES: AtomicU8 = AtomicU8::new(0);
 /// alone.
 static BURST_LIMITS_US: [AtomicU32; 2] = [AtomicU32::new(0), AtomicU32::new(0)];
 /// Longer than any pulse, us.
-const LONGEST_PULSE_US: u32 = 2_250;
+pub(super) const LONGEST_PULSE_US: u32 = 2_250;
 
 const _: () = assert!(PULSE_MAX_US < LONGEST_PULSE_US as f32);
 

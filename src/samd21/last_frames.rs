@@ -3,14 +3,15 @@
 
 use core::ptr::{with_exposed_provenance, with_exposed_provenance_mut};
 
-/// TCC0.INTFLAG, and its flag of a frame that has begun.
+use super::frame::{LONGEST_PULSE_US, OVERFLOW};
+use super::watchdog::CLEAR_KEY;
+
+/// TCC0.INTFLAG.
 const FRAME_FLAGS: usize = 0x4200_202C;
-const OVERFLOW: u32 = 1;
-/// WDT.STATUS, and its flag of a write that is under way; WDT.CLEAR and its key.
+/// WDT.STATUS, and its flag of a write that is under way; WDT.CLEAR.
 const WATCHDOG_STATUS: usize = 0x4000_1007;
 const SYNCBUSY: u8 = 1 << 7;
 const WATCHDOG_CLEAR: usize = 0x4000_1008;
-const KEY: u8 = 0xA5;
 /// SCB.AIRCR, its key and its order to reset.
 const RESET: usize = 0xE000_ED0C;
 const RESET_ORDER: u32 = 0x05FA_0004;
@@ -18,7 +19,7 @@ const RESET_ORDER: u32 = 0x05FA_0004;
 /// Looks at the flag in the longest frame, of at least eight cycles each, and some more.
 const LOOKS: u32 = 130_000;
 /// Turns of a loop of three cycles or more in the longest pulse.
-const PULSE_TURNS: u32 = 2_250 * 48 / 3;
+const PULSE_TURNS: u32 = LONGEST_PULSE_US * 48 / 3;
 
 /// Resets the chip between two pulses, after this number of frames of the pulses that the timer
 /// sends.
@@ -29,7 +30,7 @@ pub(super) fn reset_behind(frames: u32) -> ! {
         unsafe {
             let status = with_exposed_provenance::<u8>(WATCHDOG_STATUS).read_volatile();
             if status & SYNCBUSY == 0 {
-                with_exposed_provenance_mut::<u8>(WATCHDOG_CLEAR).write_volatile(KEY);
+                with_exposed_provenance_mut::<u8>(WATCHDOG_CLEAR).write_volatile(CLEAR_KEY);
             }
             let flags = with_exposed_provenance_mut::<u32>(FRAME_FLAGS);
             flags.write_volatile(OVERFLOW);

@@ -31,7 +31,7 @@ const SYNC_LIMIT_US: u64 = 15_000;
 /// Longest time for which the window is closed: 8 cycles of an oscillator that is 13 % slow.
 const CLOSED_US: u32 = 9_500;
 /// The key that clears it. Any other value resets the chip.
-const CLEAR_KEY: u8 = 0xA5;
+pub(super) const CLEAR_KEY: u8 = 0xA5;
 
 /// Interrupts of SysTick from the early warning to a reset. The watchdog itself takes 45 where its
 /// oscillator is 40 % fast, and some 5 until it has been held off.
