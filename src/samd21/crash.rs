@@ -128,11 +128,10 @@ fn end(kind: u32, detail: u32) -> ! {
         last_frames::reset_behind(LAST_FRAMES);
     }
     if watchdog::is_running() {
-        const BROKEN: u32 = SelfCheck::Registers.code() as u32;
         watchdog::hold_off();
         restore_clocks();
         dfll::restore();
-        frame::end_in_neutral(kind == SELF_CHECK && detail == BROKEN);
+        frame::end_in_neutral();
         watchdog::hold_off();
         time::delay_us(LAST_PULSES_US);
         watchdog::hold_off();

@@ -406,16 +406,10 @@ pub(crate) fn forget_begin() {
     frame_registers().intflag().write(|w| unsafe { w.bits(OVERFLOW) });
 }
 
-/// Wait for the beginning of a frame; whether one has come.
-#[inline(never)]
-fn begins() -> bool {
-    forget_begin();
-    within_frame(has_begun)
-}
-
 /// Wait until all pulses of a frame are over, so that a reset cuts none: 23 ms at most.
 fn wait_for_gap() {
-    let _ = begins();
+    forget_begin();
+    let _ = within_frame(has_begun);
     time::delay_us(LONGEST_PULSE_US);
 }
 
@@ -428,10 +422,10 @@ pub(crate) fn end_pulses() {
     }
 }
 
-/// Neutral pulses to the end of this run, from a timer that may be `broken`: one that is, or that
-/// begins no frame, is set up anew, and has the servos' pins only between two pulses.
-pub(crate) fn end_in_neutral(broken: bool) {
-    if RUNNING.load(Ordering::Acquire) && (broken || !begins()) {
+/// Neutral pulses to the end of this run. The timer is set up anew, since any of its registers may
+/// be wrong, and has the servos' pins only between two pulses.
+pub(crate) fn end_in_neutral() {
+    if RUNNING.load(Ordering::Acquire) {
         end_pulses();
         clock_frame_again();
         send_pulses(NEUTRAL.each_ref().map(|place| place.load(Ordering::Relaxed)));
