@@ -112,16 +112,12 @@ impl RocketParameters {
         let cm_m = (self.dry_mass_kg * self.dry_cm_m + propellant * column_cm) / mass_kg;
         let (dry, wet) = (self.dry_cm_m - cm_m, column_cm - cm_m);
         let column_inertia = column * column / 12.0 + wet * wet;
-        // The inertia is least about the centre of mass, so that its shift does not count.
-        let stretch = column * self.column_m / 6.0 + wet * self.column_m;
         MassProperties {
             mass_kg,
             cm_m,
             inertia_kg_m2: self.dry_inertia_kg_m2
                 + self.dry_mass_kg * dry * dry
                 + propellant * column_inertia,
-            inertia_slope_kg_m2_s: -(self.propellant_kg * column_inertia + propellant * stretch)
-                / self.burn_s,
         }
     }
 
@@ -145,8 +141,6 @@ pub struct MassProperties {
     pub cm_m: f64,
     /// Inertia across the axis about the centre of mass, in kg m2.
     pub inertia_kg_m2: f64,
-    /// Its slope over time while the propellant burns, in kg m2/s.
-    pub inertia_slope_kg_m2_s: f64,
 }
 
 /// The rocket at a time of its burn.
@@ -293,16 +287,6 @@ mod tests {
             assert!((f.inertia_kg_m2 - inertia).abs() < 1.0);
             assert!((f.mu_c - mu_c).abs() < 0.051);
             assert!((f.mu_a - mu_a).abs() < 0.1, "{} {mu_a}", f.mu_a);
-        }
-    }
-
-    #[test]
-    fn the_slope_of_the_inertia_is_its_difference() {
-        let p = RocketParameters::SPICA;
-        for time in [1.0, 20.0, 45.0, 80.0, 89.0] {
-            let (before, after) = (p.mass_at(time - 1e-3), p.mass_at(time + 1e-3));
-            let slope = (after.inertia_kg_m2 - before.inertia_kg_m2) / 2e-3;
-            assert!((p.mass_at(time).inertia_slope_kg_m2_s - slope).abs() < 1e-3);
         }
     }
 

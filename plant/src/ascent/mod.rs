@@ -13,7 +13,7 @@
 //!
 //! ```text
 //! m dv/dt = F + m g                         (earth axes, v of the centre of mass)
-//! I dw/dt = M - w x I w - (I' + m' l^2) w   (body axes; the last term is the jet's damping)
+//! I dw/dt = M - w x I w                     (body axes)
 //! ```
 //!
 //! with the thrust at the gimbal, turned first about y by the pitch gimbal and then about x by the
@@ -25,13 +25,12 @@
 //! drag          -1/2 rho |u| S CD u_z            along the axis
 //! ```
 //!
-//! so that the normal force grows with the sine of the angle of attack. `l` is the distance from
-//! gimbal to centre of mass and `m'` the flow of propellant.
+//! so that the normal force grows with the sine of the angle of attack.
 //!
 //! Left out: the shift of the centre of mass within the rocket as a motion of its own (0.1 m/s at
-//! most), the air's damping of rates, slosh, bending, friction of the rail and its tip-off. Left
-//! out, too: the earth's curvature and rotation, the decrease of gravity with altitude (2.6 % at 84
-//! km), and the ground after the rail.
+//! most), the damping of rates by jet and air, slosh, bending, friction of the rail and its tip-off.
+//! Left out, too: the earth's curvature and rotation, the decrease of gravity with altitude (2.6 %
+//! at 84 km), and the ground after the rail.
 
 mod parameters;
 mod wind;
@@ -328,11 +327,6 @@ impl Ascent {
             let thrust = p.rocket.thrust_n * direction(pitch, roll);
             force += thrust;
             moment += Vector3::new(0.0, 0.0, mass.cm_m).cross(&thrust);
-            if p.jet_damping {
-                let flow = p.rocket.propellant_kg / p.rocket.burn_s;
-                let damping = mass.inertia_slope_kg_m2_s + flow * mass.cm_m * mass.cm_m;
-                moment -= damping * Vector3::new(state.rates.x, state.rates.y, 0.0);
-            }
         }
         let altitude_m = -state.position.z;
         let against_air = state.velocity - self.air.velocity(altitude_m);

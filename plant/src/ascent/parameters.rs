@@ -25,9 +25,6 @@ pub struct AscentParameters {
     pub misalignment_rad: [f64; 2],
     /// What turns the rocket about its own axis.
     pub spin: Spin,
-    /// Whether the jet damps pitch and roll rates by the momentum that it carries away, less what
-    /// the burnt propellant's inertia gives back.
-    pub jet_damping: bool,
     /// The wind.
     pub wind: Wind,
 }
@@ -49,7 +46,6 @@ impl AscentParameters {
             sensor_m: [0.0, 0.0, -9.0],
             misalignment_rad: [0.0; 2],
             spin: Spin::Free,
-            jet_damping: false,
             wind: Wind { steady_m_s: [0.0; 3], gust: None, turbulence: None },
         }
     }

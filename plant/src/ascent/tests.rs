@@ -275,22 +275,6 @@ fn spin_is_free_held_or_driven() {
     assert!((after - kicked - 45.0 / 454.5).abs() < 1e-4);
 }
 
-/// The jet takes `m' l^2 w` with it; rates fall with and stay without it.
-#[test]
-fn the_jet_damps_rates_where_asked() {
-    let slowed = |jet_damping| {
-        let parameters = AscentParameters { jet_damping, ..airless() };
-        let mut ascent = Ascent::new(&parameters, UnitQuaternion::identity()).unwrap();
-        ascent.release(20.0, [0.0; 3], [0.0; 3], tilted(0.0, 0.0, 0.0), [0.0, 0.1, 0.0]);
-        (ascent.acceleration_rad_s2()[1], ascent.mass_properties())
-    };
-    assert_eq!(slowed(false).0, 0.0);
-    let (slope, mass) = slowed(true);
-    let jet = 2600.0 / 90.0 * mass.cm_m * mass.cm_m;
-    let expected = -0.1 * (jet + mass.inertia_slope_kg_m2_s) / mass.inertia_kg_m2;
-    assert!(expected < 0.0 && (slope - expected).abs() < 1e-12);
-}
-
 /// Wind from the west turns a stable rocket into it, to the west, and an unstable one away; the
 /// same in the earth's axes at every heading.
 #[test]
@@ -343,7 +327,6 @@ fn turbulence_shakes_a_rocket_alike_for_one_seed() {
 fn the_sensor_feels_the_bend_of_its_path() {
     let parameters = AscentParameters {
         sensor_m: [0.2, -0.3, -9.0],
-        jet_damping: true,
         ..AscentParameters::of(RocketParameters { propellant_kg: 1e-6, ..RocketParameters::SPICA })
     };
     let mut ascent = Ascent::new(&parameters, UnitQuaternion::identity()).unwrap();
