@@ -43,7 +43,6 @@ pub use self::wind::{Gust, Turbulence, Wind};
 use crate::parameters::ParameterError;
 use crate::rocket::{GRAVITY_M_S2, MassProperties, RocketParameters};
 use crate::tilt;
-use crate::two_axis::Spin;
 
 /// Place and motion, or their slopes.
 #[derive(Clone, Copy, Debug)]
@@ -154,18 +153,12 @@ impl Ascent {
         };
     }
 
-    /// Adds an angular impulse about the centre of mass, body axes, N m s. The rail swallows it,
-    /// and [`Spin::Held`] its part about the axis.
+    /// Adds an angular impulse about the centre of mass, body axes, N m s. The rail swallows it.
     pub fn kick(&mut self, impulse_n_m_s: [f64; 3]) {
-        if self.on_rail {
-            return;
+        if !self.on_rail {
+            let inertia = self.inertia(&self.mass_properties());
+            self.state.rates += Vector3::from(impulse_n_m_s).component_div(&inertia);
         }
-        let inertia = self.inertia(&self.mass_properties());
-        let mut gained = Vector3::from(impulse_n_m_s).component_div(&inertia);
-        if self.parameters.spin == Spin::Held {
-            gained.z = 0.0;
-        }
-        self.state.rates += gained;
     }
 
     /// Advances by `dt_s` (greater than zero) with a command to the gimbal, pitch and roll, rad.
@@ -304,19 +297,15 @@ impl Ascent {
         }
         let inertia = self.inertia(&load.mass);
         let momentum = inertia.component_mul(&state.rates);
-        let mut turning = (load.moment - state.rates.cross(&momentum)).component_div(&inertia);
-        if self.parameters.spin == Spin::Held {
-            turning.z = 0.0;
-        }
         State {
             position: state.velocity,
             velocity: acceleration,
             attitude: state.attitude * Quaternion::from_imag(0.5 * state.rates),
-            rates: turning,
+            rates: (load.moment - state.rates.cross(&momentum)).component_div(&inertia),
         }
     }
 
-    /// Thrust, air and what turns the rocket about its axis.
+    /// Thrust and air.
     fn load(&self, drive: &Drive, state: &State, attitude: &UnitQuaternion<f64>) -> Load {
         let p = &self.parameters;
         let mass = p.rocket.mass_at(drive.time_s);
@@ -336,9 +325,6 @@ impl Ascent {
         let behind = p.rocket.static_margin * p.rocket.diameter_m;
         force += normal - Vector3::new(0.0, 0.0, pressed * p.rocket.drag * u.z);
         moment += Vector3::new(0.0, 0.0, behind).cross(&normal);
-        if let Spin::Moment(spin) = p.spin {
-            moment.z += spin;
-        }
         Load { mass, force, moment }
     }
 
