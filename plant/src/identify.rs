@@ -16,7 +16,8 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use crate::drone::Drone;
-use crate::linear::frequency::crank_to_pitch;
+use crate::linear::frequency;
+use crate::mechanism::Mechanism;
 use crate::response::first_bad_sample;
 use crate::servo::Servo;
 use crate::setup::{Setup, SetupError};
@@ -184,7 +185,6 @@ type Residuals = Vec<[f64; 2]>;
 struct Fit<'a> {
     nominal: &'a Setup,
     record: &'a Record,
-    start_s: f64,
     first: Reading,
 }
 
@@ -208,8 +208,7 @@ impl<'a> Fit<'a> {
         if moved < 0.02 || steered < 10.0 {
             return Err(IdentifyError::NoMotion);
         }
-        let first = readings[0];
-        Ok(Self { nominal, record, start_s: first.time_s, first })
+        Ok(Self { nominal, record, first: readings[0] })
     }
 
     fn setup(&self, x: &Unknowns) -> Setup {
@@ -227,6 +226,7 @@ impl<'a> Fit<'a> {
         let setup = self.setup(x);
         setup.validate().ok()?;
         let delay = setup.timing.delay_s;
+        let start_s = self.first.time_s;
         let pitch = self.first.pitch_rad + x[5];
         let rate = self.first.rate_rad_s + x[6];
         let mut drone = Drone::new(&setup.drone, pitch, rate).ok()?.with_tether_stop(f64::INFINITY);
@@ -234,11 +234,11 @@ impl<'a> Fit<'a> {
 
         // Before the start the servo has long settled at the last pulse, or stands at zero rudder.
         let zero = drone.crank().angle_rad;
-        let mut servo = Servo::new(setup.servo, zero, self.start_s - SETTLE_S);
-        while let Some((edge, width)) = pulses.next_if(|(edge, _)| *edge < self.start_s) {
-            servo.pulse(edge.max(self.start_s - SETTLE_S), width);
+        let mut servo = Servo::new(setup.servo, zero, start_s - SETTLE_S);
+        while let Some((edge, width)) = pulses.next_if(|(edge, _)| *edge < start_s) {
+            servo.pulse(edge.max(start_s - SETTLE_S), width);
         }
-        let crank = servo.advance(self.start_s, 0.0);
+        let crank = servo.advance(start_s, 0.0);
         drone.place_crank(crank.angle_rad);
 
         let mut residuals = Vec::with_capacity(self.record.readings.len());
@@ -246,11 +246,11 @@ impl<'a> Fit<'a> {
         let mut steps = 0_u64;
         for reading in &self.record.readings {
             let seen = reading.time_s - delay;
-            let mut now = self.start_s + steps as f64 * STEP_S;
+            let mut now = start_s + steps as f64 * STEP_S;
             while now < seen {
                 last = [drone.pitch_rad(), drone.rate_rad_s()];
                 steps += 1;
-                now = self.start_s + steps as f64 * STEP_S;
+                now = start_s + steps as f64 * STEP_S;
                 while let Some((edge, width)) = pulses.next_if(|(edge, _)| *edge < now) {
                     servo.pulse(edge, width);
                 }
@@ -261,7 +261,7 @@ impl<'a> Fit<'a> {
             let ahead = [drone.pitch_rad(), drone.rate_rad_s()];
             // What the sensor showed before the release is the start itself.
             let model = [0, 1].map(|i| {
-                if seen < self.start_s {
+                if seen < start_s {
                     [pitch, rate][i]
                 } else {
                     ahead[i] + part * (last[i] - ahead[i])
@@ -426,9 +426,7 @@ impl<'a> Fit<'a> {
 
 /// Pitch acceleration for each radian of crank at zero rudder, in 1/s2.
 fn pitch_gain(setup: &Setup) -> Option<f64> {
-    let mechanism = crate::mechanism::Mechanism::new(&setup.drone).ok()?;
-    let transfer = crank_to_pitch(&mechanism);
-    Some(transfer.numerator().last()? / transfer.denominator()[0])
+    Some(frequency::pitch_gain(&Mechanism::new(&setup.drone).ok()?))
 }
 
 fn rms(misfit: &Residuals, i: usize) -> f64 {

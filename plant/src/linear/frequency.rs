@@ -92,20 +92,9 @@ pub struct Response {
 }
 
 impl OpenLoop {
-    /// The loop of the reference law round an upright drone at zero rudder.
-    pub fn new(
-        mechanism: &Mechanism,
-        servo: &ServoModel,
-        timing: &Timing,
-        kp: f64,
-        kd: f64,
-    ) -> Self {
-        Self::at_point(mechanism, &zero_rudder(mechanism), servo, timing, kp, kd)
-    }
-
     /// The loop of the reference law round a drone at a point. The law goes through the inverse
     /// linkage: away from zero rudder, where the linkage has less gain, the crank moves more.
-    pub fn at_point(
+    pub fn new(
         mechanism: &Mechanism,
         point: &State,
         servo: &ServoModel,
@@ -125,7 +114,7 @@ impl OpenLoop {
             frame_s: timing.frame_s,
             servo_loop_s: servo.loop_s,
             servo_lag_s: servo.lag_s,
-            drone: crank_to_pitch_at(mechanism, point),
+            drone: crank_to_pitch(mechanism, point),
         }
     }
 
@@ -241,19 +230,17 @@ fn mean_delay_s(timing: &Timing) -> f64 {
     timing.delay_s + refresh + timing.lead_s.unwrap_or(0.5 * timing.control_s)
 }
 
-/// Upright at zero rudder.
-fn zero_rudder(mechanism: &Mechanism) -> State {
-    State { crank_rad: mechanism.linkage().zero_rudder_crank_rad(), ..State::default() }
-}
-
-/// From crank to pitch, upright at zero rudder: see [`crank_to_pitch_at`].
-pub fn crank_to_pitch(mechanism: &Mechanism) -> TransferFunction {
-    crank_to_pitch_at(mechanism, &zero_rudder(mechanism))
+/// Pitch acceleration for each radian of crank, upright at zero rudder, in 1/s2, sign turned: what
+/// gains scale with.
+pub fn pitch_gain(mechanism: &Mechanism) -> f64 {
+    let crank_rad = mechanism.linkage().zero_rudder_crank_rad();
+    let transfer = crank_to_pitch(mechanism, &State { crank_rad, ..State::default() });
+    transfer.numerator()[transfer.numerator().len() - 1] / transfer.denominator()[0]
 }
 
 /// From crank to pitch at a point with a prescribed crank, sign turned:
 /// `(K01 + M01 s^2) / (M00 s^2 + b0 s + K00)`, whose `K` are the slopes of the pitch load.
-pub fn crank_to_pitch_at(mechanism: &Mechanism, point: &State) -> TransferFunction {
+fn crank_to_pitch(mechanism: &Mechanism, point: &State) -> TransferFunction {
     let (pitch, crank) = (point.pitch_rad, point.crank_rad);
     let load =
         |pitch: f64, crank: f64| mechanism.pitch_load(&mechanism.configuration(crank), pitch, 0.0);
