@@ -14,8 +14,6 @@
 //! of 353 s, too much for oxygen and ethanol (at 250 s the burn would last 64 s). A vertical run on
 //! them ends at 2.5 km/s and 84 km, where 1 km/s and 50 km are stated. They are used as stated.
 
-use serde::{Deserialize, Serialize};
-
 use crate::parameters::{ParameterError, finite, named, positive};
 
 /// Density of air at sea level, in kg/m3.
@@ -26,7 +24,7 @@ pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 const ASCENT_STEP_S: f64 = 0.01;
 
 /// The rocket's figures.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RocketParameters {
     /// Thrust, in N.
     pub thrust_n: f64,
@@ -144,7 +142,7 @@ pub struct MassProperties {
 }
 
 /// The rocket at a time of its burn.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flight {
     /// Time since ignition, in s.
     pub time_s: f64,
@@ -167,7 +165,7 @@ pub struct Flight {
 }
 
 /// Gains on attitude and rate: gimbal angle `kp error + kd rate`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gains {
     /// On the attitude's error, rad/rad.
     pub kp: f64,

@@ -1,15 +1,12 @@
 //! The figures of a rocket that ascends.
 
-use serde::{Deserialize, Serialize};
-
 use super::wind::Wind;
 use crate::parameters::{ParameterError, finite, named, not_negative, positive};
 use crate::rocket::RocketParameters;
 
 /// The figures of the rocket's ascent. Positions in the rocket count from its gimbal, along the
 /// body's axes, so that the nose is at negative z.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AscentParameters {
     /// Thrust, masses, aerodynamics and gimbal.
     pub rocket: RocketParameters,

@@ -46,7 +46,7 @@ pub use signal::{Between, Signal, Sine, Table};
 const MOST_ROWS: f64 = 5e6;
 
 /// What drives the crank. `th1z` is the crank angle at zero rudder.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Input {
     /// A torque on the crank, in N m.
@@ -65,7 +65,7 @@ pub enum Input {
 
 /// A servo of second order round a PD law: `th1'' = stiffness (command - th1) - damping th1'`,
 /// with the command `th1z + kp th0 + kd w0 + command_rad`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct IdealServo {
     /// Gain on pitch, rad/rad.
@@ -85,7 +85,7 @@ pub struct IdealServo {
 
 /// The pulse-driven servo of the setup round the reference PD law of
 /// [`pitch_loop`](crate::pitch_loop).
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PulseServo {
     /// Gain on pitch, rad/rad.
@@ -97,7 +97,7 @@ pub struct PulseServo {
 }
 
 /// `torque = -kp th0 - kd w0 - crank_kp (th1 - th1z) - crank_kd w1`, in N m.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TorqueLaw {
     /// On pitch, in N m/rad.
@@ -111,7 +111,7 @@ pub struct TorqueLaw {
 }
 
 /// Loads over time.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Loads {
     /// Thrust in N, in place of the drone's own.
@@ -121,7 +121,7 @@ pub struct Loads {
 }
 
 /// Where the motion starts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Start {
     /// Pitch, in rad.
@@ -136,7 +136,7 @@ pub struct Start {
 }
 
 /// A spring and damper that stop the crank beyond an angle, either side.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CrankStop {
     /// Where it begins, in rad.
@@ -148,7 +148,7 @@ pub struct CrankStop {
 }
 
 /// Options of a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
     /// Body 0 does not turn.
@@ -177,7 +177,7 @@ pub struct Scenario {
 }
 
 /// One row of a trajectory.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Time, in s.
     pub t: f64,
