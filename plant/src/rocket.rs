@@ -52,8 +52,6 @@ pub struct RocketParameters {
     pub drag: f64,
     /// Scale height of the atmosphere, in m.
     pub scale_height_m: f64,
-    /// Speed of sound, in m/s.
-    pub sound_m_s: f64,
     /// Largest gimbal angle either side, in rad.
     pub gimbal_limit_rad: f64,
     /// Largest gimbal rate, in rad/s.
@@ -79,7 +77,6 @@ impl RocketParameters {
         static_margin: 1.5,
         drag: 0.4,
         scale_height_m: 7800.0,
-        sound_m_s: 335.0,
         gimbal_limit_rad: 5.0 * std::f64::consts::PI / 180.0,
         gimbal_rate_rad_s: 30.0 * std::f64::consts::PI / 180.0,
         gimbal_hz: 5.0,
@@ -95,7 +92,7 @@ impl RocketParameters {
     pub fn validate(&self) -> Result<(), ParameterError> {
         positive(&named!(self;
             thrust_n, dry_mass_kg, propellant_kg, burn_s, dry_cm_m, dry_inertia_kg_m2, column_m,
-            diameter_m, scale_height_m, sound_m_s, gimbal_limit_rad, gimbal_rate_rad_s, gimbal_hz,
+            diameter_m, scale_height_m, gimbal_limit_rad, gimbal_rate_rad_s, gimbal_hz,
         ))?;
         finite(&named!(self; column_base_m, normal_force_slope, static_margin, drag))
     }
@@ -219,11 +216,6 @@ impl Rocket {
         Ok(Self { parameters: *parameters, ascent })
     }
 
-    /// The parameters.
-    pub fn parameters(&self) -> &RocketParameters {
-        &self.parameters
-    }
-
     /// The rocket at a time since ignition (s), held within the burn.
     pub fn at(&self, time_s: f64) -> Flight {
         let p = &self.parameters;
@@ -262,6 +254,10 @@ fn pressure(p: &RocketParameters, speed_m_s: f64, altitude_m: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    mod drift;
+    mod schedule;
+    mod two_axes;
+
     use super::*;
 
     fn spica() -> Rocket {

@@ -133,26 +133,6 @@ impl Ascent {
         self.time_s.get_or_insert(0.0);
     }
 
-    /// Puts the rocket into free flight at a time since ignition (s), at a position (m) and
-    /// velocity (m/s) in earth axes, in an attitude and with rates about the body's axes (rad/s).
-    pub fn release(
-        &mut self,
-        time_s: f64,
-        position_m: [f64; 3],
-        velocity_m_s: [f64; 3],
-        attitude: UnitQuaternion<f64>,
-        rates_rad_s: [f64; 3],
-    ) {
-        self.time_s = Some(time_s);
-        self.on_rail = false;
-        self.state = State {
-            position: position_m.into(),
-            velocity: velocity_m_s.into(),
-            attitude: attitude.into_inner(),
-            rates: rates_rad_s.into(),
-        };
-    }
-
     /// Adds an angular impulse about the centre of mass, body axes, N m s. The rail swallows it.
     pub fn kick(&mut self, impulse_n_m_s: [f64; 3]) {
         if !self.on_rail {

@@ -11,6 +11,26 @@ use crate::rocket::Rocket;
 const STEP_S: f64 = 1e-3;
 
 impl Ascent {
+    /// Puts the rocket into free flight at a time since ignition (s), at a position (m) and
+    /// velocity (m/s) in earth axes, in an attitude and with rates about the body's axes (rad/s).
+    pub(crate) fn release(
+        &mut self,
+        time_s: f64,
+        position_m: [f64; 3],
+        velocity_m_s: [f64; 3],
+        attitude: UnitQuaternion<f64>,
+        rates_rad_s: [f64; 3],
+    ) {
+        self.time_s = Some(time_s);
+        self.on_rail = false;
+        self.state = State {
+            position: position_m.into(),
+            velocity: velocity_m_s.into(),
+            attitude: attitude.into_inner(),
+            rates: rates_rad_s.into(),
+        };
+    }
+
     /// Position of the centre of mass from where it is on the pad, north-east-down, in m.
     fn position_m(&self) -> [f64; 3] {
         self.state.position.into()
