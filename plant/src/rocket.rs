@@ -141,14 +141,8 @@ pub struct MassProperties {
 /// The rocket at a time of its burn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flight {
-    /// Time since ignition, in s.
-    pub time_s: f64,
-    /// Mass, in kg.
-    pub mass_kg: f64,
-    /// Centre of mass, from the gimbal, in m.
-    pub cm_m: f64,
-    /// Inertia about the centre of mass, in kg m2.
-    pub inertia_kg_m2: f64,
+    /// Mass and inertia.
+    pub mass: MassProperties,
     /// Angular acceleration for each radian of gimbal, in 1/s2.
     pub mu_c: f64,
     /// Restoring angular acceleration for each radian of angle of attack, in 1/s2.
@@ -220,8 +214,7 @@ impl Rocket {
     pub fn at(&self, time_s: f64) -> Flight {
         let p = &self.parameters;
         let time_s = time_s.clamp(0.0, p.burn_s);
-        let MassProperties { mass_kg, cm_m, inertia_kg_m2, .. } = p.mass_at(time_s);
-
+        let mass = p.mass_at(time_s);
         let place = time_s / ASCENT_STEP_S;
         let before = (place as usize).min(self.ascent.len() - 2);
         let part = place - before as f64;
@@ -234,12 +227,9 @@ impl Rocket {
         let area = p.area_m2();
         let lever = p.static_margin * p.diameter_m;
         Flight {
-            time_s,
-            mass_kg,
-            cm_m,
-            inertia_kg_m2,
-            mu_c: p.thrust_n * cm_m / inertia_kg_m2,
-            mu_a: pressure_pa * area * p.normal_force_slope * lever / inertia_kg_m2,
+            mass,
+            mu_c: p.thrust_n * mass.cm_m / mass.inertia_kg_m2,
+            mu_a: pressure_pa * area * p.normal_force_slope * lever / mass.inertia_kg_m2,
             pressure_pa,
             speed_m_s,
             altitude_m,
@@ -276,9 +266,9 @@ mod tests {
             (90.0, 1400.0, 7.00, 22674.0, 30.9, 0.02),
         ] {
             let f = spica().at(time);
-            assert!((f.mass_kg - mass).abs() < 0.5);
-            assert!((f.cm_m - cm).abs() < 0.0051);
-            assert!((f.inertia_kg_m2 - inertia).abs() < 1.0);
+            assert!((f.mass.mass_kg - mass).abs() < 0.5);
+            assert!((f.mass.cm_m - cm).abs() < 0.0051);
+            assert!((f.mass.inertia_kg_m2 - inertia).abs() < 1.0);
             assert!((f.mu_c - mu_c).abs() < 0.051);
             assert!((f.mu_a - mu_a).abs() < 0.1, "{} {mu_a}", f.mu_a);
         }

@@ -79,7 +79,7 @@ fn with_drift(table: &Rocket, first: Attitude, law: &Law, axis: usize) -> Vec<f6
         let push = (p.thrust_n - pressed * p.drag) * angle
             + p.thrust_n * gimbal
             + pressed * p.normal_force_slope * attack;
-        aside += push / flight.mass_kg * STEP_S;
+        aside += push / flight.mass.mass_kg * STEP_S;
         let turning = -flight.mu_c * gimbal - flight.mu_a * attack;
         now.rate_rad_s[axis] += turning * STEP_S;
         now.angle_rad[axis] += now.rate_rad_s[axis] * STEP_S;
