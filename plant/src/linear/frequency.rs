@@ -149,77 +149,61 @@ impl OpenLoop {
 
     /// Frequency response from `from` to `to` (rad/s), `points` evenly spaced in the logarithm.
     pub fn response(&self, from: f64, to: f64, points: usize) -> Vec<Response> {
-        response(|rad_s| self.at(rad_s), from, to, points)
+        let ratio = (to / from).ln() / (points.max(2) - 1) as f64;
+        let mut turns = 0.0;
+        let mut last: Option<f64> = None;
+        (0..points)
+            .map(|i| {
+                let rad_s = from * (ratio * i as f64).exp();
+                let value = self.at(rad_s);
+                let raw = value.arg().to_degrees();
+                let mut phase_deg = raw + turns;
+                match last {
+                    // The loop starts on a double integrator: its phase begins near -180 deg.
+                    None if raw > 90.0 => turns = -360.0,
+                    Some(before) if phase_deg - before > 180.0 => turns -= 360.0,
+                    Some(before) if before - phase_deg > 180.0 => turns += 360.0,
+                    _ => {}
+                }
+                phase_deg = raw + turns;
+                last = Some(phase_deg);
+                Response { rad_s, value, gain_db: 20.0 * value.norm().log10(), phase_deg }
+            })
+            .collect()
     }
 
-    /// Gain, phase and delay margin.
+    /// Gain, phase and delay margin of the loop with negative feedback.
     pub fn margins(&self) -> Margins {
-        margins(|rad_s| self.at(rad_s))
-    }
-}
-
-/// Frequency response of a loop from `from` to `to` (rad/s), `points` evenly spaced in the
-/// logarithm.
-pub fn response(
-    at: impl Fn(f64) -> Complex<f64>,
-    from: f64,
-    to: f64,
-    points: usize,
-) -> Vec<Response> {
-    let ratio = (to / from).ln() / (points.max(2) - 1) as f64;
-    let mut turns = 0.0;
-    let mut last: Option<f64> = None;
-    (0..points)
-        .map(|i| {
-            let rad_s = from * (ratio * i as f64).exp();
-            let value = at(rad_s);
-            let raw = value.arg().to_degrees();
-            let mut phase_deg = raw + turns;
-            match last {
-                // The loop starts on a double integrator: its phase begins near -180 deg.
-                None if raw > 90.0 => turns = -360.0,
-                Some(before) if phase_deg - before > 180.0 => turns -= 360.0,
-                Some(before) if before - phase_deg > 180.0 => turns += 360.0,
-                _ => {}
+        let crossing = |a: &Response, b: &Response, f: &dyn Fn(Complex<f64>) -> f64| {
+            root::between(|w| f(self.at(w)), a.rad_s, b.rad_s, 1e-9).unwrap_or(a.rad_s)
+        };
+        let response = self.response(SEARCH.0, SEARCH.1, POINTS);
+        let mut phase: Option<PhaseMargin> = None;
+        let mut gain: Option<GainMargin> = None;
+        let mut peak_sensitivity = 0.0_f64;
+        for pair in response.windows(2) {
+            let (a, b) = (pair[0], pair[1]);
+            peak_sensitivity = peak_sensitivity.max((b.value + 1.0).norm().recip());
+            if (a.gain_db > 0.0) != (b.gain_db > 0.0) {
+                let at_rad_s = crossing(&a, &b, &|value| value.norm() - 1.0);
+                // Phase of -L: the margin, between -180 and 180 deg.
+                let deg = (-self.at(at_rad_s)).arg().to_degrees();
+                let found = PhaseMargin { deg, at_rad_s, delay_s: deg.to_radians() / at_rad_s };
+                if phase.is_none_or(|p| deg.abs() < p.deg.abs()) {
+                    phase = Some(found);
+                }
             }
-            phase_deg = raw + turns;
-            last = Some(phase_deg);
-            Response { rad_s, value, gain_db: 20.0 * value.norm().log10(), phase_deg }
-        })
-        .collect()
-}
-
-/// Gain, phase and delay margin of an open loop with negative feedback.
-pub fn margins(at: impl Fn(f64) -> Complex<f64>) -> Margins {
-    let crossing = |a: &Response, b: &Response, f: &dyn Fn(Complex<f64>) -> f64| {
-        root::between(|w| f(at(w)), a.rad_s, b.rad_s, 1e-9).unwrap_or(a.rad_s)
-    };
-    let response = response(&at, SEARCH.0, SEARCH.1, POINTS);
-    let mut phase: Option<PhaseMargin> = None;
-    let mut gain: Option<GainMargin> = None;
-    let mut peak_sensitivity = 0.0_f64;
-    for pair in response.windows(2) {
-        let (a, b) = (pair[0], pair[1]);
-        peak_sensitivity = peak_sensitivity.max((b.value + 1.0).norm().recip());
-        if (a.gain_db > 0.0) != (b.gain_db > 0.0) {
-            let at_rad_s = crossing(&a, &b, &|value| value.norm() - 1.0);
-            // Phase of -L: the margin, between -180 and 180 deg.
-            let deg = (-at(at_rad_s)).arg().to_degrees();
-            let found = PhaseMargin { deg, at_rad_s, delay_s: deg.to_radians() / at_rad_s };
-            if phase.is_none_or(|p| deg.abs() < p.deg.abs()) {
-                phase = Some(found);
+            // On the negative real axis the imaginary part changes sign.
+            if (a.value.im > 0.0) != (b.value.im > 0.0) && a.value.re + b.value.re < 0.0 {
+                let at_rad_s = crossing(&a, &b, &|value| value.im);
+                let db = -20.0 * self.at(at_rad_s).norm().log10();
+                if db > 0.0 && gain.is_none_or(|g| db < g.db) {
+                    gain = Some(GainMargin { db, at_rad_s });
+                }
             }
         }
-        // On the negative real axis the imaginary part changes sign.
-        if (a.value.im > 0.0) != (b.value.im > 0.0) && a.value.re + b.value.re < 0.0 {
-            let at_rad_s = crossing(&a, &b, &|value| value.im);
-            let db = -20.0 * at(at_rad_s).norm().log10();
-            if db > 0.0 && gain.is_none_or(|g| db < g.db) {
-                gain = Some(GainMargin { db, at_rad_s });
-            }
-        }
+        Margins { gain, phase, peak_sensitivity }
     }
-    Margins { gain, phase, peak_sensitivity }
 }
 
 /// Mean age of what the law has seen when its pulse begins, s: the sensor's delay, half the period
@@ -235,7 +219,7 @@ fn mean_delay_s(timing: &Timing) -> f64 {
 pub fn pitch_gain(mechanism: &Mechanism) -> f64 {
     let crank_rad = mechanism.linkage().zero_rudder_crank_rad();
     let transfer = crank_to_pitch(mechanism, &State { crank_rad, ..State::default() });
-    transfer.numerator()[transfer.numerator().len() - 1] / transfer.denominator()[0]
+    transfer.numerator[transfer.numerator.len() - 1] / transfer.denominator[0]
 }
 
 /// From crank to pitch at a point with a prescribed crank, sign turned:
