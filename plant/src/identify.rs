@@ -96,7 +96,7 @@ pub struct Estimate {
 }
 
 /// What a record has shown.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
     /// The nominal setup with the estimates in it.
     pub setup: Setup,
@@ -280,11 +280,7 @@ impl<'a> Fit<'a> {
     fn jacobian(&self, x: &Unknowns, misfit: &Residuals) -> Option<DMatrix<f64>> {
         let mut jacobian = DMatrix::zeros(2 * misfit.len(), UNKNOWNS);
         for i in 0..UNKNOWNS {
-            let shifted = |by: f64| {
-                let mut x = *x;
-                x[i] += by;
-                self.residuals(&x)
-            };
+            let shifted = |by: f64| self.residuals(&shifted(x, i, by));
             // At the edge of the valid range (a delay of zero), one side has to suffice.
             let up = shifted(DIFFERENCE[i])?;
             let (down, width) = match shifted(-DIFFERENCE[i]) {
@@ -386,32 +382,20 @@ impl<'a> Fit<'a> {
             .collect();
 
         // The pitch gain's spread follows from its slope along thrust and inertia.
-        let gain = |x: &Unknowns| pitch_gain(&self.setup(x));
-        let slopes: Unknowns = std::array::from_fn(|i| {
-            let shifted = |by: f64| {
-                let mut x = *x;
-                x[i] += by;
-                gain(&x).unwrap_or(f64::NAN)
-            };
-            match i {
-                THRUST | INERTIA => (shifted(1e-4) - shifted(-1e-4)) / 2e-4,
-                _ => 0.0,
-            }
-        });
-        let spread = |matrix: &DMatrix<f64>| {
-            let slopes = DVector::from_row_slice(&slopes);
-            slopes.dot(&(matrix * &slopes)).sqrt()
-        };
-        let prior = DMatrix::from_diagonal(&DVector::from_iterator(
-            UNKNOWNS,
-            PRIOR.into_iter().map(|sigma| sigma * sigma),
-        ));
-        let no_fit = IdentifyError::NoFit;
+        let gain = |x: &Unknowns| pitch_gain(&self.setup(x)).ok_or(IdentifyError::NoFit);
+        let mut slopes = DVector::zeros(UNKNOWNS);
+        for i in [THRUST, INERTIA] {
+            let shifted = |by: f64| gain(&shifted(x, i, by)).unwrap_or(f64::NAN);
+            slopes[i] = (shifted(1e-4) - shifted(-1e-4)) / 2e-4;
+        }
+        let spread = |matrix: &DMatrix<f64>| slopes.dot(&(matrix * &slopes)).sqrt();
+        let variances = PRIOR.map(|sigma| sigma * sigma);
+        let prior = DMatrix::from_diagonal(&DVector::from_row_slice(&variances));
         Ok(Identification {
             pitch_gain: Estimate {
                 name: "pitch_gain",
-                nominal: pitch_gain(n).ok_or(no_fit.clone())?,
-                value: gain(x).ok_or(no_fit)?,
+                nominal: gain(&[0.0; UNKNOWNS])?,
+                value: gain(x)?,
                 deviation: spread(&covariance),
                 prior: spread(&prior),
             },
@@ -422,6 +406,13 @@ impl<'a> Fit<'a> {
             iterations,
         })
     }
+}
+
+/// The unknowns with one of them changed.
+fn shifted(x: &Unknowns, i: usize, by: f64) -> Unknowns {
+    let mut x = *x;
+    x[i] += by;
+    x
 }
 
 /// Pitch acceleration for each radian of crank at zero rudder, in 1/s2.
