@@ -333,7 +333,7 @@ impl Problem {
     /// flown, since hardly any other fails.
     fn fragility(&self, params: &Params) -> Result<f64, ParameterError> {
         let campaign = Campaign {
-            ranges: Ranges::REFERENCE.with_lateral_m(LATERAL_M),
+            ranges: Ranges { cm_lateral_m: LATERAL_M, ..Ranges::REFERENCE },
             seconds: DISPERSED_S,
             ..Campaign::new(self.seed, DISPERSED)
         };
