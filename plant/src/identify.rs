@@ -16,7 +16,8 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use crate::drone::Drone;
-use crate::linear::frequency::crank_to_pitch;
+use crate::linear::frequency;
+use crate::mechanism::Mechanism;
 use crate::response::first_bad_sample;
 use crate::servo::Servo;
 use crate::setup::{Setup, SetupError};
@@ -95,7 +96,7 @@ pub struct Estimate {
 }
 
 /// What a record has shown.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
     /// The nominal setup with the estimates in it.
     pub setup: Setup,
@@ -184,7 +185,6 @@ type Residuals = Vec<[f64; 2]>;
 struct Fit<'a> {
     nominal: &'a Setup,
     record: &'a Record,
-    start_s: f64,
     first: Reading,
 }
 
@@ -208,8 +208,7 @@ impl<'a> Fit<'a> {
         if moved < 0.02 || steered < 10.0 {
             return Err(IdentifyError::NoMotion);
         }
-        let first = readings[0];
-        Ok(Self { nominal, record, start_s: first.time_s, first })
+        Ok(Self { nominal, record, first: readings[0] })
     }
 
     fn setup(&self, x: &Unknowns) -> Setup {
@@ -227,6 +226,7 @@ impl<'a> Fit<'a> {
         let setup = self.setup(x);
         setup.validate().ok()?;
         let delay = setup.timing.delay_s;
+        let start_s = self.first.time_s;
         let pitch = self.first.pitch_rad + x[5];
         let rate = self.first.rate_rad_s + x[6];
         let mut drone = Drone::new(&setup.drone, pitch, rate).ok()?.with_tether_stop(f64::INFINITY);
@@ -234,11 +234,11 @@ impl<'a> Fit<'a> {
 
         // Before the start the servo has long settled at the last pulse, or stands at zero rudder.
         let zero = drone.crank().angle_rad;
-        let mut servo = Servo::new(setup.servo, zero, self.start_s - SETTLE_S);
-        while let Some((edge, width)) = pulses.next_if(|(edge, _)| *edge < self.start_s) {
-            servo.pulse(edge.max(self.start_s - SETTLE_S), width);
+        let mut servo = Servo::new(setup.servo, zero, start_s - SETTLE_S);
+        while let Some((edge, width)) = pulses.next_if(|(edge, _)| *edge < start_s) {
+            servo.pulse(edge.max(start_s - SETTLE_S), width);
         }
-        let crank = servo.advance(self.start_s, 0.0);
+        let crank = servo.advance(start_s, 0.0);
         drone.place_crank(crank.angle_rad);
 
         let mut residuals = Vec::with_capacity(self.record.readings.len());
@@ -246,11 +246,11 @@ impl<'a> Fit<'a> {
         let mut steps = 0_u64;
         for reading in &self.record.readings {
             let seen = reading.time_s - delay;
-            let mut now = self.start_s + steps as f64 * STEP_S;
+            let mut now = start_s + steps as f64 * STEP_S;
             while now < seen {
                 last = [drone.pitch_rad(), drone.rate_rad_s()];
                 steps += 1;
-                now = self.start_s + steps as f64 * STEP_S;
+                now = start_s + steps as f64 * STEP_S;
                 while let Some((edge, width)) = pulses.next_if(|(edge, _)| *edge < now) {
                     servo.pulse(edge, width);
                 }
@@ -261,7 +261,7 @@ impl<'a> Fit<'a> {
             let ahead = [drone.pitch_rad(), drone.rate_rad_s()];
             // What the sensor showed before the release is the start itself.
             let model = [0, 1].map(|i| {
-                if seen < self.start_s {
+                if seen < start_s {
                     [pitch, rate][i]
                 } else {
                     ahead[i] + part * (last[i] - ahead[i])
@@ -280,11 +280,7 @@ impl<'a> Fit<'a> {
     fn jacobian(&self, x: &Unknowns, misfit: &Residuals) -> Option<DMatrix<f64>> {
         let mut jacobian = DMatrix::zeros(2 * misfit.len(), UNKNOWNS);
         for i in 0..UNKNOWNS {
-            let shifted = |by: f64| {
-                let mut x = *x;
-                x[i] += by;
-                self.residuals(&x)
-            };
+            let shifted = |by: f64| self.residuals(&shifted(x, i, by));
             // At the edge of the valid range (a delay of zero), one side has to suffice.
             let up = shifted(DIFFERENCE[i])?;
             let (down, width) = match shifted(-DIFFERENCE[i]) {
@@ -386,32 +382,20 @@ impl<'a> Fit<'a> {
             .collect();
 
         // The pitch gain's spread follows from its slope along thrust and inertia.
-        let gain = |x: &Unknowns| pitch_gain(&self.setup(x));
-        let slopes: Unknowns = std::array::from_fn(|i| {
-            let shifted = |by: f64| {
-                let mut x = *x;
-                x[i] += by;
-                gain(&x).unwrap_or(f64::NAN)
-            };
-            match i {
-                THRUST | INERTIA => (shifted(1e-4) - shifted(-1e-4)) / 2e-4,
-                _ => 0.0,
-            }
-        });
-        let spread = |matrix: &DMatrix<f64>| {
-            let slopes = DVector::from_row_slice(&slopes);
-            slopes.dot(&(matrix * &slopes)).sqrt()
-        };
-        let prior = DMatrix::from_diagonal(&DVector::from_iterator(
-            UNKNOWNS,
-            PRIOR.into_iter().map(|sigma| sigma * sigma),
-        ));
-        let no_fit = IdentifyError::NoFit;
+        let gain = |x: &Unknowns| pitch_gain(&self.setup(x)).ok_or(IdentifyError::NoFit);
+        let mut slopes = DVector::zeros(UNKNOWNS);
+        for i in [THRUST, INERTIA] {
+            let shifted = |by: f64| gain(&shifted(x, i, by)).unwrap_or(f64::NAN);
+            slopes[i] = (shifted(1e-4) - shifted(-1e-4)) / 2e-4;
+        }
+        let spread = |matrix: &DMatrix<f64>| slopes.dot(&(matrix * &slopes)).sqrt();
+        let variances = PRIOR.map(|sigma| sigma * sigma);
+        let prior = DMatrix::from_diagonal(&DVector::from_row_slice(&variances));
         Ok(Identification {
             pitch_gain: Estimate {
                 name: "pitch_gain",
-                nominal: pitch_gain(n).ok_or(no_fit.clone())?,
-                value: gain(x).ok_or(no_fit)?,
+                nominal: gain(&[0.0; UNKNOWNS])?,
+                value: gain(x)?,
                 deviation: spread(&covariance),
                 prior: spread(&prior),
             },
@@ -424,11 +408,16 @@ impl<'a> Fit<'a> {
     }
 }
 
+/// The unknowns with one of them changed.
+fn shifted(x: &Unknowns, i: usize, by: f64) -> Unknowns {
+    let mut x = *x;
+    x[i] += by;
+    x
+}
+
 /// Pitch acceleration for each radian of crank at zero rudder, in 1/s2.
 fn pitch_gain(setup: &Setup) -> Option<f64> {
-    let mechanism = crate::mechanism::Mechanism::new(&setup.drone).ok()?;
-    let transfer = crank_to_pitch(&mechanism);
-    Some(transfer.numerator().last()? / transfer.denominator()[0])
+    Some(frequency::pitch_gain(&Mechanism::new(&setup.drone).ok()?))
 }
 
 fn rms(misfit: &Residuals, i: usize) -> f64 {

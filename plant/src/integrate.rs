@@ -3,7 +3,7 @@
 //! [`Adaptive`] is Dormand and Prince's embedded pair of order 5(4) with the step chosen from the
 //! error estimate, as the usual ODE libraries have it. It is written out here because it takes
 //! arrays on the stack, lands on the caller's output times exactly, and ends a step on a known
-//! kink of the input; [`rk4_step`] is the classical fixed step.
+//! kink of the input; `rk4_step` is the classical fixed step.
 
 /// Coefficients of Dormand-Prince 5(4): nodes.
 const NODES: [f64; 7] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
@@ -178,7 +178,7 @@ impl Adaptive {
 }
 
 /// One classical Runge-Kutta step of order 4 from `(now_s, state)` over `step_s`.
-pub fn rk4_step<const N: usize>(
+pub(crate) fn rk4_step<const N: usize>(
     mut f: impl FnMut(f64, &[f64; N]) -> [f64; N],
     now_s: f64,
     state: &[f64; N],

@@ -29,7 +29,7 @@
 //! | [`mechanism`] | inertia and loads as functions of the crank angle |
 //! | [`drone`] | the drone with a prescribed crank: what the virtual rig flies |
 //! | [`two_axis`] | the drone with two rudders in a joint, free to pitch, roll and spin |
-//! | [`free`] | free motion of pitch and crank, energy and momentum |
+//! | [`free`] | free motion of pitch and crank |
 //! | [`integrate`] | integration with step control |
 //! | [`linear`] | state space, poles, zeros, margins |
 //! | [`limit`] | the time-optimal limit |

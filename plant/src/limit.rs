@@ -33,8 +33,6 @@ pub struct Actuator {
 /// The fastest way to rest.
 #[derive(Clone, Debug)]
 pub struct Limit {
-    /// Durations of the three arcs, in s.
-    pub arcs_s: [f64; 3],
     /// Time to rest, in s.
     pub to_rest_s: f64,
     /// The trajectory, with the drone at rest at its end.
@@ -101,12 +99,7 @@ pub fn time_optimal(
     // The crank rests at home, and so the drone, a little longer: settling needs a tail.
     trajectory.push([now + REPORT_STEP_S, goal_rad, chase.home_rad]);
     let response = StepResponse::new(trajectory.iter().map(|s| (s[0], s[1])), 0.0)?;
-    Ok(Limit {
-        arcs_s: [first, second, now - first - second],
-        to_rest_s: now,
-        response,
-        trajectory,
-    })
+    Ok(Limit { to_rest_s: now, response, trajectory })
 }
 
 /// The root of a monotonic function of an arc's duration: the bracket grows from a short arc, so

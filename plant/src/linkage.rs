@@ -83,11 +83,10 @@ impl Linkage {
     pub fn at(&self, crank_rad: f64) -> LinkageState {
         let (link_rad, rudder_rad) = self.angles(crank_rad);
         let (link_ratio, rudder_ratio) = self.ratios(crank_rad, link_rad, rudder_rad);
-        let (link_curvature, rudder_curvature) = self.accelerations(
-            [crank_rad, link_rad, rudder_rad],
-            [1.0, link_ratio, rudder_ratio],
-            0.0,
-        );
+        // The accelerations of a crank that turns evenly at 1 rad/s.
+        let gamma =
+            self.centripetal([crank_rad, link_rad, rudder_rad], [1.0, link_ratio, rudder_ratio]);
+        let (link_curvature, rudder_curvature) = self.solve_slaves(link_rad, rudder_rad, gamma);
         LinkageState {
             crank_rad,
             link_rad,
@@ -99,16 +98,6 @@ impl Linkage {
         }
     }
 
-    /// Accelerations of link and rudder in rad/s2 that keep the loop closed, from the angles and
-    /// rates of crank, link and rudder and the crank's acceleration.
-    pub fn accelerations(&self, angles: [f64; 3], rates: [f64; 3], crank_acc: f64) -> (f64, f64) {
-        let [gx, gy] = self.centripetal(angles, rates);
-        let (s1, c1) = angles[0].sin_cos();
-        let bx = gx + self.crank_m * c1 * crank_acc;
-        let by = gy + self.crank_m * s1 * crank_acc;
-        self.solve_slaves(angles[1], angles[2], [bx, by])
-    }
-
     /// The right-hand side `gamma` of `Phi_1 th1'' + Phi_23 [th2'', th3''] = gamma`, in m/s2:
     /// what the squared rates (rad/s) of crank, link and rudder demand of the accelerations.
     pub fn centripetal(&self, angles: [f64; 3], rates: [f64; 3]) -> [f64; 2] {
@@ -116,15 +105,6 @@ impl Linkage {
         let [v1, v2, v3] = rates.map(|v| v * v);
         let (l1, l2, l3) = (self.crank_m, self.link_m, self.arm_m);
         [-l1 * s1 * v1 - l2 * c2 * v2 + l3 * s3 * v3, l1 * c1 * v1 - l2 * s2 * v2 - l3 * c3 * v3]
-    }
-
-    /// How far the loop is from closing, `Phi`, in m, for the angles of crank, link and rudder.
-    pub fn residual(&self, angles: [f64; 3]) -> [f64; 2] {
-        let [(s1, c1), (s2, c2), (s3, c3)] = angles.map(f64::sin_cos);
-        [
-            self.ground_m - self.crank_m * s1 - self.link_m * c2 + self.arm_m * s3,
-            self.crank_m * c1 - self.link_m * s2 - self.arm_m * c3,
-        ]
     }
 
     /// The crank angle for a rudder angle (rad), on the branch where both turn the same way.
@@ -193,6 +173,15 @@ mod tests {
         Parameters::PHYS.linkage()
     }
 
+    /// How far the loop is from closing, `Phi`, in m, for the angles of crank, link and rudder.
+    fn residual(linkage: &Linkage, angles: [f64; 3]) -> [f64; 2] {
+        let [(s1, c1), (s2, c2), (s3, c3)] = angles.map(f64::sin_cos);
+        [
+            linkage.ground_m - linkage.crank_m * s1 - linkage.link_m * c2 + linkage.arm_m * s3,
+            linkage.crank_m * c1 - linkage.link_m * s2 - linkage.arm_m * c3,
+        ]
+    }
+
     /// Reference: crank, link and rudder angle in deg and G3.
     #[test]
     fn angles_and_ratio_match_the_table() {
@@ -251,7 +240,7 @@ mod tests {
         fn derivatives_match_differences(crank in -3.2..3.2_f64) {
             let linkage = linkage();
             let state = linkage.at(crank);
-            let residual = linkage.residual([crank, state.link_rad, state.rudder_rad]);
+            let residual = residual(&linkage, [crank, state.link_rad, state.rudder_rad]);
             prop_assert!(residual[0].abs().max(residual[1].abs()) < 1e-15);
             let h = 1e-5;
             let (before, after) = (linkage.at(crank - h), linkage.at(crank + h));

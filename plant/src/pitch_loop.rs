@@ -210,7 +210,7 @@ pub struct PitchLoop {
     history: Vec<[f64; 2]>,
     command_rad: f64,
     /// The command before, and when the law was due to replace it, in s: a run may come up to half
-    /// a step early, and an edge before its time still carries what there was.
+    /// a step early, and an edge before that time still carries the former command.
     replaced: (f64, f64),
     /// The pitch at the start and the sum of the measured rates since, in rad, and the number of
     /// the refresh that was the newest of them.

@@ -14,8 +14,6 @@
 //! of 353 s, too much for oxygen and ethanol (at 250 s the burn would last 64 s). A vertical run on
 //! them ends at 2.5 km/s and 84 km, where 1 km/s and 50 km are stated. They are used as stated.
 
-use serde::{Deserialize, Serialize};
-
 use crate::parameters::{ParameterError, finite, named, positive};
 
 /// Density of air at sea level, in kg/m3.
@@ -26,7 +24,7 @@ pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 const ASCENT_STEP_S: f64 = 0.01;
 
 /// The rocket's figures.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RocketParameters {
     /// Thrust, in N.
     pub thrust_n: f64,
@@ -54,8 +52,6 @@ pub struct RocketParameters {
     pub drag: f64,
     /// Scale height of the atmosphere, in m.
     pub scale_height_m: f64,
-    /// Speed of sound, in m/s.
-    pub sound_m_s: f64,
     /// Largest gimbal angle either side, in rad.
     pub gimbal_limit_rad: f64,
     /// Largest gimbal rate, in rad/s.
@@ -81,7 +77,6 @@ impl RocketParameters {
         static_margin: 1.5,
         drag: 0.4,
         scale_height_m: 7800.0,
-        sound_m_s: 335.0,
         gimbal_limit_rad: 5.0 * std::f64::consts::PI / 180.0,
         gimbal_rate_rad_s: 30.0 * std::f64::consts::PI / 180.0,
         gimbal_hz: 5.0,
@@ -97,7 +92,7 @@ impl RocketParameters {
     pub fn validate(&self) -> Result<(), ParameterError> {
         positive(&named!(self;
             thrust_n, dry_mass_kg, propellant_kg, burn_s, dry_cm_m, dry_inertia_kg_m2, column_m,
-            diameter_m, scale_height_m, sound_m_s, gimbal_limit_rad, gimbal_rate_rad_s, gimbal_hz,
+            diameter_m, scale_height_m, gimbal_limit_rad, gimbal_rate_rad_s, gimbal_hz,
         ))?;
         finite(&named!(self; column_base_m, normal_force_slope, static_margin, drag))
     }
@@ -112,16 +107,12 @@ impl RocketParameters {
         let cm_m = (self.dry_mass_kg * self.dry_cm_m + propellant * column_cm) / mass_kg;
         let (dry, wet) = (self.dry_cm_m - cm_m, column_cm - cm_m);
         let column_inertia = column * column / 12.0 + wet * wet;
-        // The inertia is least about the centre of mass, so that its shift does not count.
-        let stretch = column * self.column_m / 6.0 + wet * self.column_m;
         MassProperties {
             mass_kg,
             cm_m,
             inertia_kg_m2: self.dry_inertia_kg_m2
                 + self.dry_mass_kg * dry * dry
                 + propellant * column_inertia,
-            inertia_slope_kg_m2_s: -(self.propellant_kg * column_inertia + propellant * stretch)
-                / self.burn_s,
         }
     }
 
@@ -145,21 +136,13 @@ pub struct MassProperties {
     pub cm_m: f64,
     /// Inertia across the axis about the centre of mass, in kg m2.
     pub inertia_kg_m2: f64,
-    /// Its slope over time while the propellant burns, in kg m2/s.
-    pub inertia_slope_kg_m2_s: f64,
 }
 
 /// The rocket at a time of its burn.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flight {
-    /// Time since ignition, in s.
-    pub time_s: f64,
-    /// Mass, in kg.
-    pub mass_kg: f64,
-    /// Centre of mass, from the gimbal, in m.
-    pub cm_m: f64,
-    /// Inertia about the centre of mass, in kg m2.
-    pub inertia_kg_m2: f64,
+    /// Mass and inertia.
+    pub mass: MassProperties,
     /// Angular acceleration for each radian of gimbal, in 1/s2.
     pub mu_c: f64,
     /// Restoring angular acceleration for each radian of angle of attack, in 1/s2.
@@ -173,7 +156,7 @@ pub struct Flight {
 }
 
 /// Gains on attitude and rate: gimbal angle `kp error + kd rate`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gains {
     /// On the attitude's error, rad/rad.
     pub kp: f64,
@@ -227,17 +210,11 @@ impl Rocket {
         Ok(Self { parameters: *parameters, ascent })
     }
 
-    /// The parameters.
-    pub fn parameters(&self) -> &RocketParameters {
-        &self.parameters
-    }
-
     /// The rocket at a time since ignition (s), held within the burn.
     pub fn at(&self, time_s: f64) -> Flight {
         let p = &self.parameters;
         let time_s = time_s.clamp(0.0, p.burn_s);
-        let MassProperties { mass_kg, cm_m, inertia_kg_m2, .. } = p.mass_at(time_s);
-
+        let mass = p.mass_at(time_s);
         let place = time_s / ASCENT_STEP_S;
         let before = (place as usize).min(self.ascent.len() - 2);
         let part = place - before as f64;
@@ -250,12 +227,9 @@ impl Rocket {
         let area = p.area_m2();
         let lever = p.static_margin * p.diameter_m;
         Flight {
-            time_s,
-            mass_kg,
-            cm_m,
-            inertia_kg_m2,
-            mu_c: p.thrust_n * cm_m / inertia_kg_m2,
-            mu_a: pressure_pa * area * p.normal_force_slope * lever / inertia_kg_m2,
+            mass,
+            mu_c: p.thrust_n * mass.cm_m / mass.inertia_kg_m2,
+            mu_a: pressure_pa * area * p.normal_force_slope * lever / mass.inertia_kg_m2,
             pressure_pa,
             speed_m_s,
             altitude_m,
@@ -270,6 +244,10 @@ fn pressure(p: &RocketParameters, speed_m_s: f64, altitude_m: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    mod drift;
+    mod schedule;
+    mod two_axes;
+
     use super::*;
 
     fn spica() -> Rocket {
@@ -288,21 +266,11 @@ mod tests {
             (90.0, 1400.0, 7.00, 22674.0, 30.9, 0.02),
         ] {
             let f = spica().at(time);
-            assert!((f.mass_kg - mass).abs() < 0.5);
-            assert!((f.cm_m - cm).abs() < 0.0051);
-            assert!((f.inertia_kg_m2 - inertia).abs() < 1.0);
+            assert!((f.mass.mass_kg - mass).abs() < 0.5);
+            assert!((f.mass.cm_m - cm).abs() < 0.0051);
+            assert!((f.mass.inertia_kg_m2 - inertia).abs() < 1.0);
             assert!((f.mu_c - mu_c).abs() < 0.051);
             assert!((f.mu_a - mu_a).abs() < 0.1, "{} {mu_a}", f.mu_a);
-        }
-    }
-
-    #[test]
-    fn the_slope_of_the_inertia_is_its_difference() {
-        let p = RocketParameters::SPICA;
-        for time in [1.0, 20.0, 45.0, 80.0, 89.0] {
-            let (before, after) = (p.mass_at(time - 1e-3), p.mass_at(time + 1e-3));
-            let slope = (after.inertia_kg_m2 - before.inertia_kg_m2) / 2e-3;
-            assert!((p.mass_at(time).inertia_slope_kg_m2_s - slope).abs() < 1e-3);
         }
     }
 

@@ -46,31 +46,13 @@ pub enum SetupError {
     /// A table that a parameter file does not have.
     #[error("unknown table [{0}]: a parameter file has [drone], [servo] and [timing]")]
     UnknownTable(String),
-    /// A preset that does not exist.
-    #[error("[{table}] preset {name} does not exist: {known}")]
-    UnknownPreset {
-        /// The table.
-        table: &'static str,
-        /// The name given.
-        name: String,
-        /// The names that exist.
-        known: String,
-    },
-    /// A key that does not exist, or a value of the wrong type.
+    /// A key or preset that does not exist, or a value of the wrong type or out of range.
     #[error("[{table}] {message}")]
     Key {
         /// The table.
         table: &'static str,
         /// What is wrong, naming the key.
         message: String,
-    },
-    /// A value out of range.
-    #[error("[{table}] {error}")]
-    Range {
-        /// The table.
-        table: &'static str,
-        /// What is wrong, naming the parameter.
-        error: ParameterError,
     },
 }
 
@@ -97,19 +79,15 @@ impl Setup {
     pub fn parse_over(text: &str, base: &Self) -> Result<Self, SetupError> {
         let mut file: Table =
             text.parse().map_err(|error: toml::de::Error| SetupError::Syntax(error.to_string()))?;
-        let setup = Self::take_over(&mut file, base)?;
+        let setup = Self::take(&mut file, base)?;
         match file.keys().next() {
             Some(name) => Err(SetupError::UnknownTable(name.clone())),
             None => Ok(setup),
         }
     }
 
-    /// Takes the tables of a setup out of a larger file.
-    pub(crate) fn take(file: &mut Table) -> Result<Self, SetupError> {
-        Self::take_over(file, &Self::default())
-    }
-
-    fn take_over(file: &mut Table, base: &Self) -> Result<Self, SetupError> {
+    /// Takes the tables of a setup out of a larger file; what it leaves out is as in `base`.
+    pub(crate) fn take(file: &mut Table, base: &Self) -> Result<Self, SetupError> {
         let setup = Self {
             drone: section(file, "drone", base.drone, &Parameters::PRESETS)?,
             servo: section(file, "servo", base.servo, &ServoModel::PRESETS)?,
@@ -124,7 +102,9 @@ impl Setup {
     /// # Errors
     /// The first value out of range.
     pub fn validate(&self) -> Result<(), SetupError> {
-        let in_table = |table| move |error| SetupError::Range { table, error };
+        let in_table = |table| {
+            move |error: ParameterError| SetupError::Key { table, message: error.to_string() }
+        };
         self.drone.validate().map_err(in_table("drone"))?;
         self.servo.validate().map_err(in_table("servo"))?;
         self.timing.validate().map_err(in_table("timing"))
@@ -153,8 +133,7 @@ fn section<T: Copy + Serialize + DeserializeOwned>(
         None => default,
         Some(Value::String(name)) => by_name(presets, &name).ok_or_else(|| {
             let known: Vec<&str> = presets.iter().map(|preset| preset.0).collect();
-            let known = known.join(", ");
-            SetupError::UnknownPreset { table, name, known }
+            refuse(format!("preset {name} does not exist: {}", known.join(", ")))
         })?,
         Some(_) => return Err(refuse("preset must be a name".into())),
     };

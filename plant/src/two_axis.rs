@@ -20,8 +20,7 @@
 //!
 //! where `M` are the moments of wash, thrust, gravity and friction about the pivot, and `h` the
 //! momentum of propellers that do not cancel. As in one axis, cranks are prescribed: no
-//! acceleration of theirs is needed. A spin that is held is a constraint: its rate about the body's
-//! z is that of the release, and the moment that it takes follows.
+//! acceleration of theirs is needed. Nothing but `M` turns the body about its thrust axis.
 //!
 //! # The body
 //! Its centre of mass and inertia are such that the whole is balanced as the one-axis drone of the
@@ -35,7 +34,7 @@ mod shape;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-pub use self::parameters::{Spin, TwoAxisParameters};
+pub use self::parameters::TwoAxisParameters;
 use self::shape::{Body, Shape};
 use crate::drone::{Crank, TETHER_STOP_RAD};
 use crate::mechanism::Mechanism;
@@ -70,8 +69,6 @@ pub struct TwoAxisDrone {
     held: bool,
     attitude: UnitQuaternion<f64>,
     momentum: Vector3<f64>,
-    /// Rate about the thrust axis that [`Spin::Held`] holds, rad/s.
-    held_spin_rad_s: f64,
     cranks: [Crank; 2],
     shape: Shape,
 }
@@ -81,7 +78,7 @@ impl TwoAxisDrone {
     /// rudders at zero, cranks at rest.
     ///
     /// # Errors
-    /// As [`TwoAxisParameters::validate`].
+    /// The first figure out of range, by name, or a body with such an inertia that cannot be.
     pub fn new(
         parameters: &TwoAxisParameters,
         attitude: UnitQuaternion<f64>,
@@ -98,7 +95,6 @@ impl TwoAxisDrone {
             held: false,
             attitude,
             momentum: Vector3::zeros(),
-            held_spin_rad_s: 0.0,
             cranks,
             shape,
         };
@@ -119,8 +115,7 @@ impl TwoAxisDrone {
         self.set_rates(rates_rad_s);
     }
 
-    /// Adds an angular impulse about the pivot, body axes, N m s. A clamp swallows it, and
-    /// [`Spin::Held`] its part about the thrust axis.
+    /// Adds an angular impulse about the pivot, body axes, N m s. A clamp swallows it.
     pub fn kick(&mut self, impulse_n_m_s: [f64; 3]) {
         if !self.held {
             self.momentum += Vector3::from(impulse_n_m_s);
@@ -178,7 +173,7 @@ impl TwoAxisDrone {
 
     /// Rates about the body's axes, rad/s.
     pub fn rates_rad_s(&self) -> [f64; 3] {
-        self.rates(&self.shape, self.speeds(), &self.momentum).into()
+        self.shape.rates(self.speeds(), &self.momentum).into()
     }
 
     /// The tilt of the body's vertical against the earth's as a vector (the reduced attitude), rad:
@@ -228,29 +223,21 @@ impl TwoAxisDrone {
         self.cranks.map(|crank| crank.rate_rad_s)
     }
 
-    /// Rates from the momentum, rad/s; a spin that is held is known beforehand.
-    fn rates(&self, shape: &Shape, speeds: [f64; 2], momentum: &Vector3<f64>) -> Vector3<f64> {
-        let held = (self.parameters.spin == Spin::Held).then_some(self.held_spin_rad_s);
-        shape.solve(&(momentum - shape.relative(speeds)), held)
-    }
-
     fn set_rates(&mut self, rates_rad_s: [f64; 3]) {
-        let rates = Vector3::from(rates_rad_s);
-        self.held_spin_rad_s = rates.z;
-        self.momentum = self.shape.inertia * rates + self.shape.relative(self.speeds());
+        self.momentum = self.shape.momentum(self.speeds(), &rates_rad_s.into());
     }
 
     /// Derivatives of attitude and momentum.
     fn slope(&self, shape: &Shape, speeds: [f64; 2], state: &State) -> State {
         let attitude = UnitQuaternion::from_quaternion(state.attitude);
-        let rates = self.rates(shape, speeds, &state.momentum);
+        let rates = shape.rates(speeds, &state.momentum);
         State {
             attitude: state.attitude * Quaternion::from_imag(0.5 * rates),
             momentum: self.momentum_slope(shape, speeds, &attitude, &rates),
         }
     }
 
-    /// Derivative of the momentum in body axes, in N m, without what holds a spin.
+    /// Derivative of the momentum in body axes, in N m.
     fn momentum_slope(
         &self,
         shape: &Shape,
@@ -259,22 +246,13 @@ impl TwoAxisDrone {
         rates: &Vector3<f64>,
     ) -> Vector3<f64> {
         let p = &self.parameters;
-        // What holds the spin adds what is missing of the momentum about z.
-        let mut momentum = shape.inertia * rates + shape.relative(speeds);
+        let mut momentum = shape.momentum(speeds, rates);
         momentum.z += p.rotor_momentum_kg_m2_s;
         let down = attitude.inverse() * Vector3::z();
         let weight = p.one_axis.gravity_m_s2 * down;
         let [pitch, roll] = shape.linkages.map(|at| at.thrust_moment);
         let friction = p.one_axis.pivot_friction_n_m_s;
-        let spin_moment = match p.spin {
-            Spin::Moment(moment) => moment,
-            Spin::Free | Spin::Held => 0.0,
-        };
-        let moment = Vector3::new(
-            roll - friction * rates.x,
-            pitch - friction * rates.y,
-            spin_moment - p.spin_friction_n_m_s * rates.z,
-        );
+        let moment = Vector3::new(roll - friction * rates.x, pitch - friction * rates.y, 0.0);
         moment + shape.first_moment.cross(&weight) - rates.cross(&momentum)
     }
 

@@ -13,11 +13,14 @@ fn closed_poles(model: &StateSpace, gain: RowVector4<f64>) -> Vec<Complex<f64>> 
     StateSpace { a, ..model.clone() }.poles()
 }
 
+/// Upright at zero rudder.
+fn upright(mechanism: &Mechanism) -> State {
+    State { crank_rad: mechanism.linkage().zero_rudder_crank_rad(), ..State::default() }
+}
+
 fn at_zero_rudder(p: &Parameters) -> StateSpace {
     let mechanism = Mechanism::new(p).unwrap();
-    let point =
-        State { crank_rad: mechanism.linkage().zero_rudder_crank_rad(), ..State::default() };
-    linearise(&mechanism, &point, 0.0)
+    linearise(&mechanism, &upright(&mechanism), 0.0)
 }
 
 /// Whether every expected number is among those found.
@@ -118,8 +121,9 @@ fn margins_hold_away_from_zero_rudder() {
     let mechanism = Mechanism::new(&Parameters::PHYS).unwrap();
     let point = State { crank_rad: 0.6, ..State::default() };
     let (servo, timing) = (ServoModel::S3003, Timing::ANALOGUE);
-    let zero = OpenLoop::new(&mechanism, &servo, &timing, 1.0, 0.30).margins();
-    let away = OpenLoop::at_point(&mechanism, &point, &servo, &timing, 1.0, 0.30);
+    let zero = upright(&mechanism);
+    let zero = OpenLoop::new(&mechanism, &zero, &servo, &timing, 1.0, 0.30).margins();
+    let away = OpenLoop::new(&mechanism, &point, &servo, &timing, 1.0, 0.30);
     assert!(away.kp > 1.25);
     let phase = |margins: plant::linear::frequency::Margins| margins.phase.unwrap().deg;
     assert!((phase(away.margins()) - phase(zero)).abs() < 5.0);
@@ -139,7 +143,8 @@ fn margins_of_the_reference_table() {
         (b, fast, 1.6, 0.35, 18.05, 50.2, 11.5, 76.0),
         (b, fast, 1.8, 0.35, 18.03, 47.9, 11.7, 71.0),
     ] {
-        let margins = OpenLoop::new(&mechanism, &servo, &timing, kp, kd).margins();
+        let zero = upright(&mechanism);
+        let margins = OpenLoop::new(&mechanism, &zero, &servo, &timing, kp, kd).margins();
         let (gain, phase) = (margins.gain.unwrap(), margins.phase.unwrap());
         assert!((gain.db - gm).abs() < 0.06, "{gain:?}");
         assert!((phase.deg - pm).abs() < 0.06, "{phase:?}");
@@ -152,7 +157,8 @@ fn margins_of_the_reference_table() {
 #[test]
 fn root_locus_crosses_at_the_gain_margin() {
     let mechanism = Mechanism::new(&Parameters::PHYS).unwrap();
-    let open = OpenLoop::new(&mechanism, &ServoModel::S3003, &Timing::ANALOGUE, 1.0, 0.30);
+    let (zero, servo, timing) = (upright(&mechanism), ServoModel::S3003, Timing::ANALOGUE);
+    let open = OpenLoop::new(&mechanism, &zero, &servo, &timing, 1.0, 0.30);
     let margin = 10.0_f64.powf(open.margins().gain.unwrap().db / 20.0);
     let locus = open.rational().root_locus([1.0, 0.9 * margin, 1.1 * margin]);
     let worst = |i: usize| locus[i].poles.iter().map(|p| p.re).fold(f64::MIN, f64::max);

@@ -44,7 +44,7 @@ fn fly(options: &MonteCarlo) -> Result<Verdict> {
     kind::try_folder(&options.worst)?;
     let setup = control_law::setup(options.servo, options.drone.as_deref())?;
     let params = control_law::parameters(options.servo, options.params.as_deref())?;
-    let mut ranges = Ranges::WIDE.with_lateral_m(1e-3 * options.lateral_mm);
+    let mut ranges = Ranges { cm_lateral_m: 1e-3 * options.lateral_mm, ..Ranges::WIDE };
     for spread in &options.spread {
         spread.apply(&mut ranges);
     }

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use plant::dispersion::{self, Campaign, Draw, Outcome, Ranges};
 use plant::limit::{self, Actuator};
-use plant::linear::frequency::crank_to_pitch;
+use plant::linear::frequency::pitch_gain;
 use plant::mechanism::Mechanism;
 use plant::pitch_loop::{COMMAND_LIMIT_RAD, PitchLoop, Timing};
 use plant::{ParameterError, Setup};
@@ -193,9 +193,7 @@ impl Problem {
             let limit = limit::time_optimal(&setup.drone, actuator, start, START_RATE_RAD_S, 0.0)?;
             *limit_s = limit.response.settling_s(BAND).unwrap_or(limit.to_rest_s);
         }
-        let transfer = crank_to_pitch(&Mechanism::new(&setup.drone)?);
-        let pitch_gain =
-            transfer.numerator().last().copied().unwrap_or(0.0) / transfer.denominator()[0];
+        let pitch_gain = pitch_gain(&Mechanism::new(&setup.drone)?);
         let mut problem = Self { setup, base: base.clone(), limits_s, seed };
         problem.base.set("PID_LAW", SURFACE_LAW).map_err(|error| anyhow::anyhow!("{error}"))?;
         set(&mut problem.base, "PITCH_GAIN", pitch_gain);
@@ -335,7 +333,7 @@ impl Problem {
     /// flown, since hardly any other fails.
     fn fragility(&self, params: &Params) -> Result<f64, ParameterError> {
         let campaign = Campaign {
-            ranges: Ranges::REFERENCE.with_lateral_m(LATERAL_M),
+            ranges: Ranges { cm_lateral_m: LATERAL_M, ..Ranges::REFERENCE },
             seconds: DISPERSED_S,
             ..Campaign::new(self.seed, DISPERSED)
         };

@@ -178,6 +178,7 @@ fn sensitivity(setup: &Setup, params: &Params, rad_s: f64) -> Result<f64, Parame
 #[cfg(test)]
 mod tests {
     use super::*;
+    use plant::free::State;
     use plant::linear::frequency::OpenLoop;
     use plant::mechanism::Mechanism;
 
@@ -193,7 +194,9 @@ mod tests {
         let mechanism = Mechanism::new(&setup.drone).unwrap();
         let mut timing = setup.timing;
         timing.delay_s += 0.5 * timing.refresh_s.unwrap() + timing.lead_s.unwrap();
-        let mut open = OpenLoop::new(&mechanism, &setup.servo, &timing, 1.0, 0.3);
+        let crank_rad = mechanism.linkage().zero_rudder_crank_rad();
+        let upright = State { crank_rad, ..State::default() };
+        let mut open = OpenLoop::new(&mechanism, &upright, &setup.servo, &timing, 1.0, 0.3);
         open.rate_filter_rad_s = f64::INFINITY;
         let expected = open.margins();
         let delay_s = expected.phase.unwrap().delay_s;

@@ -13,7 +13,7 @@
 //!
 //! ```text
 //! m dv/dt = F + m g                         (earth axes, v of the centre of mass)
-//! I dw/dt = M - w x I w - (I' + m' l^2) w   (body axes; the last term is the jet's damping)
+//! I dw/dt = M - w x I w                     (body axes)
 //! ```
 //!
 //! with the thrust at the gimbal, turned first about y by the pitch gimbal and then about x by the
@@ -25,13 +25,12 @@
 //! drag          -1/2 rho |u| S CD u_z            along the axis
 //! ```
 //!
-//! so that the normal force grows with the sine of the angle of attack. `l` is the distance from
-//! gimbal to centre of mass and `m'` the flow of propellant.
+//! so that the normal force grows with the sine of the angle of attack.
 //!
 //! Left out: the shift of the centre of mass within the rocket as a motion of its own (0.1 m/s at
-//! most), the air's damping of rates, slosh, bending, friction of the rail and its tip-off. Left
-//! out, too: the earth's curvature and rotation, the decrease of gravity with altitude (2.6 % at 84
-//! km), and the ground after the rail.
+//! most), the damping of rates by jet and air, slosh, bending, friction of the rail and its tip-off.
+//! Left out, too: the earth's curvature and rotation, the decrease of gravity with altitude (2.6 %
+//! at 84 km), and the ground after the rail.
 
 mod parameters;
 mod wind;
@@ -44,7 +43,6 @@ pub use self::wind::{Gust, Turbulence, Wind};
 use crate::parameters::ParameterError;
 use crate::rocket::{GRAVITY_M_S2, MassProperties, RocketParameters};
 use crate::tilt;
-use crate::two_axis::Spin;
 
 /// Place and motion, or their slopes.
 #[derive(Clone, Copy, Debug)]
@@ -135,38 +133,12 @@ impl Ascent {
         self.time_s.get_or_insert(0.0);
     }
 
-    /// Puts the rocket into free flight at a time since ignition (s), at a position (m) and
-    /// velocity (m/s) in earth axes, in an attitude and with rates about the body's axes (rad/s).
-    pub fn release(
-        &mut self,
-        time_s: f64,
-        position_m: [f64; 3],
-        velocity_m_s: [f64; 3],
-        attitude: UnitQuaternion<f64>,
-        rates_rad_s: [f64; 3],
-    ) {
-        self.time_s = Some(time_s);
-        self.on_rail = false;
-        self.state = State {
-            position: position_m.into(),
-            velocity: velocity_m_s.into(),
-            attitude: attitude.into_inner(),
-            rates: rates_rad_s.into(),
-        };
-    }
-
-    /// Adds an angular impulse about the centre of mass, body axes, N m s. The rail swallows it,
-    /// and [`Spin::Held`] its part about the axis.
+    /// Adds an angular impulse about the centre of mass, body axes, N m s. The rail swallows it.
     pub fn kick(&mut self, impulse_n_m_s: [f64; 3]) {
-        if self.on_rail {
-            return;
+        if !self.on_rail {
+            let inertia = self.inertia(&self.mass_properties());
+            self.state.rates += Vector3::from(impulse_n_m_s).component_div(&inertia);
         }
-        let inertia = self.inertia(&self.mass_properties());
-        let mut gained = Vector3::from(impulse_n_m_s).component_div(&inertia);
-        if self.parameters.spin == Spin::Held {
-            gained.z = 0.0;
-        }
-        self.state.rates += gained;
     }
 
     /// Advances by `dt_s` (greater than zero) with a command to the gimbal, pitch and roll, rad.
@@ -305,19 +277,15 @@ impl Ascent {
         }
         let inertia = self.inertia(&load.mass);
         let momentum = inertia.component_mul(&state.rates);
-        let mut turning = (load.moment - state.rates.cross(&momentum)).component_div(&inertia);
-        if self.parameters.spin == Spin::Held {
-            turning.z = 0.0;
-        }
         State {
             position: state.velocity,
             velocity: acceleration,
             attitude: state.attitude * Quaternion::from_imag(0.5 * state.rates),
-            rates: turning,
+            rates: (load.moment - state.rates.cross(&momentum)).component_div(&inertia),
         }
     }
 
-    /// Thrust, air and what turns the rocket about its axis.
+    /// Thrust and air.
     fn load(&self, drive: &Drive, state: &State, attitude: &UnitQuaternion<f64>) -> Load {
         let p = &self.parameters;
         let mass = p.rocket.mass_at(drive.time_s);
@@ -328,11 +296,6 @@ impl Ascent {
             let thrust = p.rocket.thrust_n * direction(pitch, roll);
             force += thrust;
             moment += Vector3::new(0.0, 0.0, mass.cm_m).cross(&thrust);
-            if p.jet_damping {
-                let flow = p.rocket.propellant_kg / p.rocket.burn_s;
-                let damping = mass.inertia_slope_kg_m2_s + flow * mass.cm_m * mass.cm_m;
-                moment -= damping * Vector3::new(state.rates.x, state.rates.y, 0.0);
-            }
         }
         let altitude_m = -state.position.z;
         let against_air = state.velocity - self.air.velocity(altitude_m);
@@ -342,9 +305,6 @@ impl Ascent {
         let behind = p.rocket.static_margin * p.rocket.diameter_m;
         force += normal - Vector3::new(0.0, 0.0, pressed * p.rocket.drag * u.z);
         moment += Vector3::new(0.0, 0.0, behind).cross(&normal);
-        if let Spin::Moment(spin) = p.spin {
-            moment.z += spin;
-        }
         Load { mass, force, moment }
     }
 

@@ -1,16 +1,12 @@
 //! The figures of a rocket that ascends.
 
-use serde::{Deserialize, Serialize};
-
 use super::wind::Wind;
 use crate::parameters::{ParameterError, finite, named, not_negative, positive};
 use crate::rocket::RocketParameters;
-use crate::two_axis::Spin;
 
 /// The figures of the rocket's ascent. Positions in the rocket count from its gimbal, along the
 /// body's axes, so that the nose is at negative z.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AscentParameters {
     /// Thrust, masses, aerodynamics and gimbal.
     pub rocket: RocketParameters,
@@ -23,11 +19,6 @@ pub struct AscentParameters {
     /// Angles by which the thrust is off the rocket's axis while the gimbal is at zero, pitch and
     /// roll, in rad; counted as those of the gimbal.
     pub misalignment_rad: [f64; 2],
-    /// What turns the rocket about its own axis.
-    pub spin: Spin,
-    /// Whether the jet damps pitch and roll rates by the momentum that it carries away, less what
-    /// the burnt propellant's inertia gives back.
-    pub jet_damping: bool,
     /// The wind.
     pub wind: Wind,
 }
@@ -48,8 +39,6 @@ impl AscentParameters {
             rail_m: 5.0,
             sensor_m: [0.0, 0.0, -9.0],
             misalignment_rad: [0.0; 2],
-            spin: Spin::Free,
-            jet_damping: false,
             wind: Wind { steady_m_s: [0.0; 3], gust: None, turbulence: None },
         }
     }
@@ -65,9 +54,6 @@ impl AscentParameters {
         finite(&named!(self;
             sensor_m[0], sensor_m[1], sensor_m[2], misalignment_rad[0], misalignment_rad[1],
         ))?;
-        if let Spin::Moment(spin_moment_n_m) = self.spin {
-            finite(&named!(spin_moment_n_m))?;
-        }
         self.wind.validate()
     }
 }

@@ -4,13 +4,11 @@ use nalgebra::Vector3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use serde::{Deserialize, Serialize};
 
 use crate::parameters::{ParameterError, finite, named, not_negative, positive};
 
 /// Velocity of the air, north-east-down.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wind {
     /// The same everywhere, in m/s.
     pub steady_m_s: [f64; 3],
@@ -21,8 +19,7 @@ pub struct Wind {
 }
 
 /// A gust in a layer of the air: `peak (1 - cos(2 pi (h - from) / depth)) / 2` at altitude `h`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gust {
     /// Altitude of the layer's base, in m.
     pub from_m: f64,
@@ -35,8 +32,7 @@ pub struct Gust {
 /// Turbulence, alike in all directions. Each of the three velocities is noise through a first-order
 /// lag along the path, as Dryden's spectrum has it for the velocity along the path: its correlation
 /// over a path `s` is `exp(-s / length)`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turbulence {
     /// Root mean square of each velocity, in m/s.
     pub rms_m_s: f64,

@@ -1,11 +1,9 @@
 //! Statistics over the outcomes of a campaign.
 
-use serde::{Deserialize, Serialize};
-
 use super::Outcome;
 
 /// A share of runs with its 95 % confidence bounds.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
     /// The share, 0 to 1.
     pub rate: f64,
@@ -63,15 +61,6 @@ pub fn worst(outcomes: &[Outcome], count: usize) -> Vec<Outcome> {
     sorted.sort_by(|a, b| b.badness().total_cmp(&a.badness()));
     sorted.truncate(count);
     sorted
-}
-
-/// Joins shards into one campaign's outcomes, ordered by number; a run that is in several counts
-/// once.
-pub fn merge(shards: impl IntoIterator<Item = Vec<Outcome>>) -> Vec<Outcome> {
-    let mut all: Vec<Outcome> = shards.into_iter().flatten().collect();
-    all.sort_by_key(|outcome| outcome.index);
-    all.dedup_by_key(|outcome| outcome.index);
-    all
 }
 
 #[cfg(test)]

@@ -92,20 +92,9 @@ pub struct Response {
 }
 
 impl OpenLoop {
-    /// The loop of the reference law round an upright drone at zero rudder.
-    pub fn new(
-        mechanism: &Mechanism,
-        servo: &ServoModel,
-        timing: &Timing,
-        kp: f64,
-        kd: f64,
-    ) -> Self {
-        Self::at_point(mechanism, &zero_rudder(mechanism), servo, timing, kp, kd)
-    }
-
     /// The loop of the reference law round a drone at a point. The law goes through the inverse
     /// linkage: away from zero rudder, where the linkage has less gain, the crank moves more.
-    pub fn at_point(
+    pub fn new(
         mechanism: &Mechanism,
         point: &State,
         servo: &ServoModel,
@@ -125,7 +114,7 @@ impl OpenLoop {
             frame_s: timing.frame_s,
             servo_loop_s: servo.loop_s,
             servo_lag_s: servo.lag_s,
-            drone: crank_to_pitch_at(mechanism, point),
+            drone: crank_to_pitch(mechanism, point),
         }
     }
 
@@ -160,77 +149,61 @@ impl OpenLoop {
 
     /// Frequency response from `from` to `to` (rad/s), `points` evenly spaced in the logarithm.
     pub fn response(&self, from: f64, to: f64, points: usize) -> Vec<Response> {
-        response(|rad_s| self.at(rad_s), from, to, points)
+        let ratio = (to / from).ln() / (points.max(2) - 1) as f64;
+        let mut turns = 0.0;
+        let mut last: Option<f64> = None;
+        (0..points)
+            .map(|i| {
+                let rad_s = from * (ratio * i as f64).exp();
+                let value = self.at(rad_s);
+                let raw = value.arg().to_degrees();
+                let mut phase_deg = raw + turns;
+                match last {
+                    // The loop starts on a double integrator: its phase begins near -180 deg.
+                    None if raw > 90.0 => turns = -360.0,
+                    Some(before) if phase_deg - before > 180.0 => turns -= 360.0,
+                    Some(before) if before - phase_deg > 180.0 => turns += 360.0,
+                    _ => {}
+                }
+                phase_deg = raw + turns;
+                last = Some(phase_deg);
+                Response { rad_s, value, gain_db: 20.0 * value.norm().log10(), phase_deg }
+            })
+            .collect()
     }
 
-    /// Gain, phase and delay margin.
+    /// Gain, phase and delay margin of the loop with negative feedback.
     pub fn margins(&self) -> Margins {
-        margins(|rad_s| self.at(rad_s))
-    }
-}
-
-/// Frequency response of a loop from `from` to `to` (rad/s), `points` evenly spaced in the
-/// logarithm.
-pub fn response(
-    at: impl Fn(f64) -> Complex<f64>,
-    from: f64,
-    to: f64,
-    points: usize,
-) -> Vec<Response> {
-    let ratio = (to / from).ln() / (points.max(2) - 1) as f64;
-    let mut turns = 0.0;
-    let mut last: Option<f64> = None;
-    (0..points)
-        .map(|i| {
-            let rad_s = from * (ratio * i as f64).exp();
-            let value = at(rad_s);
-            let raw = value.arg().to_degrees();
-            let mut phase_deg = raw + turns;
-            match last {
-                // The loop starts on a double integrator: its phase begins near -180 deg.
-                None if raw > 90.0 => turns = -360.0,
-                Some(before) if phase_deg - before > 180.0 => turns -= 360.0,
-                Some(before) if before - phase_deg > 180.0 => turns += 360.0,
-                _ => {}
+        let crossing = |a: &Response, b: &Response, f: &dyn Fn(Complex<f64>) -> f64| {
+            root::between(|w| f(self.at(w)), a.rad_s, b.rad_s, 1e-9).unwrap_or(a.rad_s)
+        };
+        let response = self.response(SEARCH.0, SEARCH.1, POINTS);
+        let mut phase: Option<PhaseMargin> = None;
+        let mut gain: Option<GainMargin> = None;
+        let mut peak_sensitivity = 0.0_f64;
+        for pair in response.windows(2) {
+            let (a, b) = (pair[0], pair[1]);
+            peak_sensitivity = peak_sensitivity.max((b.value + 1.0).norm().recip());
+            if (a.gain_db > 0.0) != (b.gain_db > 0.0) {
+                let at_rad_s = crossing(&a, &b, &|value| value.norm() - 1.0);
+                // Phase of -L: the margin, between -180 and 180 deg.
+                let deg = (-self.at(at_rad_s)).arg().to_degrees();
+                let found = PhaseMargin { deg, at_rad_s, delay_s: deg.to_radians() / at_rad_s };
+                if phase.is_none_or(|p| deg.abs() < p.deg.abs()) {
+                    phase = Some(found);
+                }
             }
-            phase_deg = raw + turns;
-            last = Some(phase_deg);
-            Response { rad_s, value, gain_db: 20.0 * value.norm().log10(), phase_deg }
-        })
-        .collect()
-}
-
-/// Gain, phase and delay margin of an open loop with negative feedback.
-pub fn margins(at: impl Fn(f64) -> Complex<f64>) -> Margins {
-    let crossing = |a: &Response, b: &Response, f: &dyn Fn(Complex<f64>) -> f64| {
-        root::between(|w| f(at(w)), a.rad_s, b.rad_s, 1e-9).unwrap_or(a.rad_s)
-    };
-    let response = response(&at, SEARCH.0, SEARCH.1, POINTS);
-    let mut phase: Option<PhaseMargin> = None;
-    let mut gain: Option<GainMargin> = None;
-    let mut peak_sensitivity = 0.0_f64;
-    for pair in response.windows(2) {
-        let (a, b) = (pair[0], pair[1]);
-        peak_sensitivity = peak_sensitivity.max((b.value + 1.0).norm().recip());
-        if (a.gain_db > 0.0) != (b.gain_db > 0.0) {
-            let at_rad_s = crossing(&a, &b, &|value| value.norm() - 1.0);
-            // Phase of -L: the margin, between -180 and 180 deg.
-            let deg = (-at(at_rad_s)).arg().to_degrees();
-            let found = PhaseMargin { deg, at_rad_s, delay_s: deg.to_radians() / at_rad_s };
-            if phase.is_none_or(|p| deg.abs() < p.deg.abs()) {
-                phase = Some(found);
+            // On the negative real axis the imaginary part changes sign.
+            if (a.value.im > 0.0) != (b.value.im > 0.0) && a.value.re + b.value.re < 0.0 {
+                let at_rad_s = crossing(&a, &b, &|value| value.im);
+                let db = -20.0 * self.at(at_rad_s).norm().log10();
+                if db > 0.0 && gain.is_none_or(|g| db < g.db) {
+                    gain = Some(GainMargin { db, at_rad_s });
+                }
             }
         }
-        // On the negative real axis the imaginary part changes sign.
-        if (a.value.im > 0.0) != (b.value.im > 0.0) && a.value.re + b.value.re < 0.0 {
-            let at_rad_s = crossing(&a, &b, &|value| value.im);
-            let db = -20.0 * at(at_rad_s).norm().log10();
-            if db > 0.0 && gain.is_none_or(|g| db < g.db) {
-                gain = Some(GainMargin { db, at_rad_s });
-            }
-        }
+        Margins { gain, phase, peak_sensitivity }
     }
-    Margins { gain, phase, peak_sensitivity }
 }
 
 /// Mean age of what the law has seen when its pulse begins, s: the sensor's delay, half the period
@@ -241,19 +214,17 @@ fn mean_delay_s(timing: &Timing) -> f64 {
     timing.delay_s + refresh + timing.lead_s.unwrap_or(0.5 * timing.control_s)
 }
 
-/// Upright at zero rudder.
-fn zero_rudder(mechanism: &Mechanism) -> State {
-    State { crank_rad: mechanism.linkage().zero_rudder_crank_rad(), ..State::default() }
-}
-
-/// From crank to pitch, upright at zero rudder: see [`crank_to_pitch_at`].
-pub fn crank_to_pitch(mechanism: &Mechanism) -> TransferFunction {
-    crank_to_pitch_at(mechanism, &zero_rudder(mechanism))
+/// Pitch acceleration for each radian of crank, upright at zero rudder, in 1/s2, sign turned: what
+/// gains scale with.
+pub fn pitch_gain(mechanism: &Mechanism) -> f64 {
+    let crank_rad = mechanism.linkage().zero_rudder_crank_rad();
+    let transfer = crank_to_pitch(mechanism, &State { crank_rad, ..State::default() });
+    transfer.numerator[transfer.numerator.len() - 1] / transfer.denominator[0]
 }
 
 /// From crank to pitch at a point with a prescribed crank, sign turned:
 /// `(K01 + M01 s^2) / (M00 s^2 + b0 s + K00)`, whose `K` are the slopes of the pitch load.
-pub fn crank_to_pitch_at(mechanism: &Mechanism, point: &State) -> TransferFunction {
+fn crank_to_pitch(mechanism: &Mechanism, point: &State) -> TransferFunction {
     let (pitch, crank) = (point.pitch_rad, point.crank_rad);
     let load =
         |pitch: f64, crank: f64| mechanism.pitch_load(&mechanism.configuration(crank), pitch, 0.0);

@@ -205,8 +205,8 @@ impl StateSpace {
 
 /// Eigenvalues of a square matrix by the QR iteration.
 ///
-/// The iteration may circle for ever when it is asked for the last bit, so that it is given a limit
-/// and, past it, a tolerance ten times as wide. Not a number for a matrix that holds one.
+/// At full precision the iteration may not end, so that it has a limit, and past it a tolerance ten
+/// times as wide. The eigenvalues of a matrix that is not finite are not numbers.
 pub(crate) fn eigenvalues(matrix: DMatrix<f64>) -> Vec<Complex<f64>> {
     const ITERATIONS: usize = 500;
     let unknown = vec![Complex::new(f64::NAN, f64::NAN); matrix.nrows()];

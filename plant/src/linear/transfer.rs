@@ -10,8 +10,8 @@ const NEGLIGIBLE: f64 = 1e-11;
 /// `numerator(s) / denominator(s)`, coefficients from the highest power down.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferFunction {
-    numerator: Vec<f64>,
-    denominator: Vec<f64>,
+    pub(super) numerator: Vec<f64>,
+    pub(super) denominator: Vec<f64>,
 }
 
 /// Closed-loop poles at one gain of a root locus.
@@ -36,16 +36,6 @@ impl TransferFunction {
             return Self::new(vec![1.0], vec![1.0]);
         }
         Self::new(vec![t * t / 12.0, -0.5 * t, 1.0], vec![t * t / 12.0, 0.5 * t, 1.0])
-    }
-
-    /// Coefficients of the numerator, highest power first.
-    pub fn numerator(&self) -> &[f64] {
-        &self.numerator
-    }
-
-    /// Coefficients of the denominator, highest power first.
-    pub fn denominator(&self) -> &[f64] {
-        &self.denominator
     }
 
     /// The value at a complex frequency `s` (rad/s).

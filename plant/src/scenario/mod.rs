@@ -46,7 +46,7 @@ pub use signal::{Between, Signal, Sine, Table};
 const MOST_ROWS: f64 = 5e6;
 
 /// What drives the crank. `th1z` is the crank angle at zero rudder.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Input {
     /// A torque on the crank, in N m.
@@ -65,7 +65,7 @@ pub enum Input {
 
 /// A servo of second order round a PD law: `th1'' = stiffness (command - th1) - damping th1'`,
 /// with the command `th1z + kp th0 + kd w0 + command_rad`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct IdealServo {
     /// Gain on pitch, rad/rad.
@@ -85,7 +85,7 @@ pub struct IdealServo {
 
 /// The pulse-driven servo of the setup round the reference PD law of
 /// [`pitch_loop`](crate::pitch_loop).
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PulseServo {
     /// Gain on pitch, rad/rad.
@@ -97,7 +97,7 @@ pub struct PulseServo {
 }
 
 /// `torque = -kp th0 - kd w0 - crank_kp (th1 - th1z) - crank_kd w1`, in N m.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TorqueLaw {
     /// On pitch, in N m/rad.
@@ -111,7 +111,7 @@ pub struct TorqueLaw {
 }
 
 /// Loads over time.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Loads {
     /// Thrust in N, in place of the drone's own.
@@ -121,7 +121,7 @@ pub struct Loads {
 }
 
 /// Where the motion starts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Start {
     /// Pitch, in rad.
@@ -136,7 +136,7 @@ pub struct Start {
 }
 
 /// A spring and damper that stop the crank beyond an angle, either side.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CrankStop {
     /// Where it begins, in rad.
@@ -148,7 +148,7 @@ pub struct CrankStop {
 }
 
 /// Options of a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
     /// Body 0 does not turn.
@@ -177,7 +177,7 @@ pub struct Scenario {
 }
 
 /// One row of a trajectory.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Time, in s.
     pub t: f64,
@@ -217,36 +217,10 @@ pub enum ScenarioError {
     /// Drone, servo or timing.
     #[error(transparent)]
     Setup(#[from] SetupError),
-    /// A key that does not exist, or a value of the wrong type.
+    /// A key that does not exist, a value of the wrong type or out of range, or parts that do not
+    /// go together: what is wrong, naming the key.
     #[error("{0}")]
     Key(String),
-    /// A value out of range.
-    #[error("[{table}] {error}")]
-    Range {
-        /// The table.
-        table: &'static str,
-        /// What is wrong, naming the key.
-        error: ParameterError,
-    },
-    /// An input over time that cannot be evaluated.
-    #[error("{key}: {problem}")]
-    Signal {
-        /// The key, with its table.
-        key: &'static str,
-        /// What is wrong.
-        problem: String,
-    },
-    /// Too many rows, or none.
-    #[error("seconds = {seconds} every dt_s = {dt_s} is not between one and five million rows")]
-    Rows {
-        /// Length, in s.
-        seconds: f64,
-        /// Interval, in s.
-        dt_s: f64,
-    },
-    /// The pulse-driven loop runs on its own clock.
-    #[error("{0}")]
-    Loop(String),
     /// The crank reached an angle at which the linkage is open.
     #[error(
         "the linkage cannot close past a crank angle of {crank_rad:.3} rad, reached at t = {time_s} s: \
@@ -266,7 +240,7 @@ pub enum ScenarioError {
 impl ScenarioError {
     /// Says which table a parameter is in.
     fn in_table(table: &'static str) -> impl FnOnce(ParameterError) -> Self {
-        move |error| Self::Range { table, error }
+        move |error| Self::Key(format!("[{table}] {error}"))
     }
 }
 
@@ -316,7 +290,7 @@ impl Scenario {
     pub fn parse(text: &str) -> Result<Self, ScenarioError> {
         let mut file: TomlTable =
             text.parse().map_err(|error: toml::de::Error| SetupError::Syntax(error.to_string()))?;
-        let setup = Setup::take(&mut file)?;
+        let setup = Setup::take(&mut file, &Setup::default())?;
         let rest = in_si("", Value::Table(file)).map_err(ScenarioError::Key)?;
         let File { seconds, dt_s, start, input, loads, options } = rest
             .try_into()
@@ -336,7 +310,10 @@ impl Scenario {
         self.setup.validate()?;
         let rows = self.seconds / self.dt_s;
         if !(self.dt_s > 0.0 && (1.0 - 1e-9..=MOST_ROWS).contains(&rows)) {
-            return Err(ScenarioError::Rows { seconds: self.seconds, dt_s: self.dt_s });
+            return Err(ScenarioError::Key(format!(
+                "seconds = {} every dt_s = {} is not between one and five million rows",
+                self.seconds, self.dt_s
+            )));
         }
         finite(&[
             ("pitch_rad", self.start.pitch_rad),
@@ -393,14 +370,14 @@ impl Scenario {
         let step_s = self.setup.timing.step_s;
         let steps = self.dt_s / step_s;
         if (steps - steps.round()).abs() > 1e-6 || steps.round() < 1.0 {
-            return Err(ScenarioError::Loop(format!(
+            return Err(ScenarioError::Key(format!(
                 "dt_s = {} must be a whole number of [timing] step_s = {step_s} for a pulse_servo",
                 self.dt_s
             )));
         }
         let plain = self.start.crank_rad.is_none() && self.start.crank_rate_rad_s == 0.0;
         if !plain || self.options != Options::default() || self.loads != Loads::default() {
-            return Err(ScenarioError::Loop(
+            return Err(ScenarioError::Key(
                 "a pulse_servo starts at zero rudder with its crank at rest, and takes no [loads] \
                  and no [options]"
                     .into(),
@@ -414,6 +391,6 @@ impl Scenario {
 fn check_signal(key: &'static str, signal: &Signal) -> Result<(), ScenarioError> {
     match signal.problem() {
         None => Ok(()),
-        Some(problem) => Err(ScenarioError::Signal { key, problem }),
+        Some(problem) => Err(ScenarioError::Key(format!("{key}: {problem}"))),
     }
 }

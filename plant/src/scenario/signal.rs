@@ -1,6 +1,6 @@
 //! Inputs over time: as a scenario writes them, and as curves that can be evaluated.
 
-use serde::{Deserialize, Deserializer, Serialize, de::Error};
+use serde::{Deserialize, Deserializer, de::Error};
 use toml::Value;
 
 /// A value over time, in the unit of the key that it stands at.
@@ -13,8 +13,7 @@ use toml::Value;
 /// ```
 ///
 /// A table's first value holds before its first time, its last one after the last.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(untagged)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Signal {
     /// The same at all times.
     Constant(f64),
@@ -25,7 +24,7 @@ pub enum Signal {
 }
 
 /// Points in order of time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
     /// Times, in s, and values.
@@ -35,7 +34,7 @@ pub struct Table {
 }
 
 /// How a table goes on from one point to the next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Between {
     /// A point's value holds until the next one's time.
@@ -48,7 +47,7 @@ pub enum Between {
 }
 
 /// `offset + amplitude sin(2 pi t / period_s + phase_rad)`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sine {
     /// Mean value.

@@ -15,6 +15,8 @@
 
 mod model;
 
+use std::collections::VecDeque;
+
 use crate::drone::Crank;
 
 pub use model::{ServoModel, SignalLoss};
@@ -38,7 +40,7 @@ struct Pulse {
 pub struct Servo {
     model: ServoModel,
     now_s: f64,
-    queue: [Option<Pulse>; QUEUE],
+    queue: VecDeque<Pulse>,
     supply: f64,
     last_pulse_s: f64,
     target_rad: f64,
@@ -55,7 +57,7 @@ impl Servo {
         Self {
             model,
             now_s,
-            queue: [None; QUEUE],
+            queue: VecDeque::with_capacity(QUEUE),
             supply: 1.0,
             last_pulse_s: now_s,
             target_rad: crank_rad,
@@ -70,14 +72,10 @@ impl Servo {
     /// effect when it ends, at once if that is past. The announcement may come before the end or
     /// after it, in the order of the pulses; more than four unfinished ones push out the oldest.
     pub fn pulse(&mut self, rising_edge_s: f64, width_us: f64) {
-        let pulse = Pulse { end_s: rising_edge_s + 1e-6 * width_us, width_us };
-        match self.queue.iter_mut().find(|slot| slot.is_none()) {
-            Some(slot) => *slot = Some(pulse),
-            None => {
-                self.queue.rotate_left(1);
-                self.queue[QUEUE - 1] = Some(pulse);
-            }
+        if self.queue.len() == QUEUE {
+            self.queue.pop_front();
         }
+        self.queue.push_back(Pulse { end_s: rising_edge_s + 1e-6 * width_us, width_us });
     }
 
     /// Advances to `until_s` under a load on the crank (N m, positive counter-clockwise, see
@@ -87,7 +85,7 @@ impl Servo {
         while self.now_s < until_s {
             self.latch();
             let mut end = until_s;
-            if let Some(next) = self.queue[0] {
+            if let Some(next) = self.queue.front() {
                 end = end.min(next.end_s);
             }
             let pieces = ((end - self.now_s) / INNER_STEP_S - 1e-9).ceil().max(1.0);
@@ -139,13 +137,11 @@ impl Servo {
 
     /// Takes over the pulses that have ended.
     fn latch(&mut self) {
-        while let Some(pulse) = self.queue[0].filter(|pulse| pulse.end_s <= self.now_s) {
+        while let Some(pulse) = self.queue.pop_front_if(|pulse| pulse.end_s <= self.now_s) {
             let model = &self.model;
             let width = (pulse.width_us / model.resolution_us).round() * model.resolution_us;
             self.target_rad = self.within_travel(model.crank_for_width(width));
             self.last_pulse_s = pulse.end_s;
-            self.queue.rotate_left(1);
-            self.queue[QUEUE - 1] = None;
         }
     }
 

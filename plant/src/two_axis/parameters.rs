@@ -1,46 +1,22 @@
 //! The figures of the drone with two rudders, and what they say about its body.
 
 use nalgebra::{Matrix3, Vector3};
-use serde::{Deserialize, Serialize};
 
 use super::shape::{self, Body};
 use crate::mechanism::Mechanism;
-use crate::parameters::{ParameterError, Parameters, finite, named, not_negative, positive};
-
-/// What turns the body about its own vertical, the thrust axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Spin {
-    /// Nothing: it keeps the momentum that it has.
-    #[default]
-    Free,
-    /// A drive that holds the rate of the release, whatever moment that takes.
-    Held,
-    /// A given moment, in N m.
-    Moment(f64),
-}
+use crate::parameters::{ParameterError, Parameters, finite, named, positive};
 
 /// The figures of the drone with two rudders.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwoAxisParameters {
     /// The one-axis drone: linkages, loads, balance and inertia in pitch, and in roll alike.
     pub one_axis: Parameters,
     /// Distance of the total centre of mass from the thrust axis to the right, in m. The whole has
     /// the mass of the one-axis drone: body 0 is lighter by the second linkage.
-    #[serde(default)]
     pub lateral_cm_m: f64,
     /// Inertia about the thrust axis at zero rudders, in kg m2; an estimate.
     pub axial_inertia_kg_m2: f64,
-    /// What turns the body about it.
-    #[serde(default)]
-    pub spin: Spin,
-    /// Viscous friction of the joint about the thrust axis, in N m s/rad. That of pitch and roll
-    /// is the one-axis pivot's, about the body's axes.
-    #[serde(default)]
-    pub spin_friction_n_m_s: f64,
     /// Momentum of propellers that do not cancel, about the body's z, in kg m2/s.
-    #[serde(default)]
     pub rotor_momentum_kg_m2_s: f64,
 }
 
@@ -48,35 +24,16 @@ impl TwoAxisParameters {
     /// The recommended one-axis drone with a second rudder.
     pub const PHYS: Self = Self::of(Parameters::PHYS);
 
-    /// With the linkages and loads of a one-axis drone, spinning freely.
+    /// With the linkages and loads of a one-axis drone, whose pivot's friction counts in pitch and
+    /// roll.
     pub const fn of(one_axis: Parameters) -> Self {
-        Self {
-            one_axis,
-            lateral_cm_m: 0.0,
-            axial_inertia_kg_m2: 0.03,
-            spin: Spin::Free,
-            spin_friction_n_m_s: 0.0,
-            rotor_momentum_kg_m2_s: 0.0,
-        }
-    }
-
-    /// Checks that every figure is finite and in range, and that a body with such an inertia can
-    /// be.
-    ///
-    /// # Errors
-    /// The first figure out of range, by name, or a one-axis drone that cannot be.
-    pub fn validate(&self) -> Result<(), ParameterError> {
-        self.checked().map(drop)
+        Self { one_axis, lateral_cm_m: 0.0, axial_inertia_kg_m2: 0.03, rotor_momentum_kg_m2_s: 0.0 }
     }
 
     /// The mechanism of either axis, and the body without its linkages, both checked.
     pub(super) fn checked(&self) -> Result<(Mechanism, Body), ParameterError> {
         positive(&named!(self; axial_inertia_kg_m2))?;
-        not_negative(&named!(self; spin_friction_n_m_s))?;
         finite(&named!(self; lateral_cm_m, rotor_momentum_kg_m2_s))?;
-        if let Spin::Moment(spin_moment_n_m) = self.spin {
-            finite(&named!(spin_moment_n_m))?;
-        }
         let mechanism = Mechanism::new(&self.one_axis)?;
         let zero = mechanism.configuration(mechanism.linkage().zero_rudder_crank_rad());
         let linkages = shape::moving(&self.one_axis, &[zero, zero]);

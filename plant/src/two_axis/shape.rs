@@ -25,7 +25,7 @@ pub(super) struct Shape {
     pub(super) linkages: [Configuration; 2],
     /// About the pivot, in kg m2.
     pub(super) inertia: Matrix3<f64>,
-    inverse: Matrix3<f64>,
+    pub(super) inverse: Matrix3<f64>,
     /// Of all mass, in kg m.
     pub(super) first_moment: Vector3<f64>,
 }
@@ -46,25 +46,19 @@ impl Shape {
     }
 
     /// Momentum of the linkages that turn in the body at these speeds, rad/s; kg m2/s.
-    pub(super) fn relative(&self, [pitch, roll]: [f64; 2]) -> Vector3<f64> {
+    fn relative(&self, [pitch, roll]: [f64; 2]) -> Vector3<f64> {
         let [first, second] = &self.linkages;
         Vector3::new(second.m01 * roll, first.m01 * pitch, 0.0)
     }
 
-    /// What times the inertia is this: rates of a momentum, or accelerations of a moment. What is
-    /// held about z is known beforehand.
-    pub(super) fn solve(&self, load: &Vector3<f64>, held: Option<f64>) -> Vector3<f64> {
-        let Some(spin) = held else {
-            return self.inverse * load;
-        };
-        let j = &self.inertia;
-        let (x, y) = (load.x - j[(0, 2)] * spin, load.y - j[(1, 2)] * spin);
-        let determinant = j[(0, 0)] * j[(1, 1)] - j[(0, 1)] * j[(1, 0)];
-        Vector3::new(
-            (j[(1, 1)] * x - j[(0, 1)] * y) / determinant,
-            (j[(0, 0)] * y - j[(1, 0)] * x) / determinant,
-            spin,
-        )
+    /// Momentum of the whole drone at these speeds of the cranks and rates of the body, rad/s.
+    pub(super) fn momentum(&self, speeds: [f64; 2], rates: &Vector3<f64>) -> Vector3<f64> {
+        self.inertia * rates + self.relative(speeds)
+    }
+
+    /// Rates of the body that give it this momentum, rad/s.
+    pub(super) fn rates(&self, speeds: [f64; 2], momentum: &Vector3<f64>) -> Vector3<f64> {
+        self.inverse * (momentum - self.relative(speeds))
     }
 }
 

@@ -42,8 +42,7 @@ impl TwoAxisDrone {
         });
         let change = self.momentum_slope(&self.shape, speeds, &self.attitude, &rates);
         let load = change - inertia_slope * rates - Vector3::new(roll, pitch, 0.0);
-        let held = (self.parameters.spin == Spin::Held).then_some(0.0);
-        self.shape.solve(&load, held).into()
+        (self.shape.inverse * load).into()
     }
 
     /// Whether the drone lies against a stop of the tether.
@@ -54,10 +53,7 @@ impl TwoAxisDrone {
 
     /// Angular momentum about the pivot in the earth's axes, without that of the rotors, kg m2/s.
     fn momentum_kg_m2_s(&self) -> [f64; 3] {
-        // Of a spin that is held, the rate counts: the drive's moment is not added up.
-        let rates = Vector3::from(self.rates_rad_s());
-        let momentum = self.shape.inertia * rates + self.shape.relative(self.speeds());
-        (self.attitude * momentum).into()
+        (self.attitude * self.momentum).into()
     }
 
     /// Kinetic and potential energy with the cranks at rest, in J; the potential is zero with the
@@ -229,43 +225,13 @@ fn the_momentum_is_that_of_the_bodies_as_points_that_move() {
 }
 
 #[test]
-fn spin_is_free_held_or_driven() {
-    let flown = |spin| {
-        let parameters = TwoAxisParameters { spin, ..TwoAxisParameters::of(Parameters::PHYS) };
-        let mut drone = drone(&parameters, 0.3, 0.0, [0.0, 0.0, 1.0]);
-        let cranks = drone.cranks();
-        for _ in 0..1000 {
-            drone.step(STEP_S, cranks);
-        }
-        drone.rates_rad_s()[2]
-    };
-    assert!((flown(Spin::Free) - 1.0).abs() < 0.01);
-    assert_eq!(flown(Spin::Held), 1.0);
-    // 0.03 N m for half a second on 0.03 kg m2.
-    assert!((flown(Spin::Moment(0.03)) - 1.5).abs() < 0.02);
-}
-
-#[test]
-fn friction_slows_a_spin_and_a_spin_that_is_held_keeps_its_momentum() {
-    let parameters = TwoAxisParameters { spin_friction_n_m_s: 0.03, ..TwoAxisParameters::PHYS };
-    let mut slowed = drone(&parameters, 0.0, 0.0, [0.0, 0.0, 1.0]);
-    let cranks = slowed.cranks();
-    for _ in 0..2000 {
-        slowed.step(STEP_S, cranks);
+fn a_spin_is_kept() {
+    let mut drone = drone(&TwoAxisParameters::PHYS, 0.3, 0.0, [0.0, 0.0, 1.0]);
+    let cranks = drone.cranks();
+    for _ in 0..1000 {
+        drone.step(STEP_S, cranks);
     }
-    // A time constant of a second: 0.03 kg m2 over 0.03 N m s.
-    let expected = (-1.0_f64).exp();
-    assert!((slowed.rates_rad_s()[2] - expected).abs() < 1e-4);
-
-    let parameters = TwoAxisParameters { spin: Spin::Held, ..TwoAxisParameters::PHYS };
-    let mut held = drone(&parameters, 0.4, 0.1, [0.5, 0.2, 1.0]);
-    for _ in 0..500 {
-        held.step(STEP_S, cranks);
-    }
-    held.kick([0.0, 0.0, 0.5]);
-    assert_eq!(held.rates_rad_s()[2], 1.0);
-    let momentum = held.attitude().inverse() * Vector3::from(held.momentum_kg_m2_s());
-    assert!((momentum.z - 0.03).abs() < 1e-12, "{momentum}");
+    assert!((drone.rates_rad_s()[2] - 1.0).abs() < 0.01);
 }
 
 /// The tilt is continuous at zero and at every side, and is finite and at the stop upside down.
@@ -293,11 +259,8 @@ fn the_tilt_is_the_reduced_attitude() {
 /// z must turn with the body.
 #[test]
 fn rotors_that_do_not_cancel_turn_a_motion_aside() {
-    let parameters = TwoAxisParameters {
-        rotor_momentum_kg_m2_s: 0.02,
-        spin: Spin::Held,
-        ..TwoAxisParameters::of(balanced())
-    };
+    let parameters =
+        TwoAxisParameters { rotor_momentum_kg_m2_s: 0.02, ..TwoAxisParameters::of(balanced()) };
     let mut drone = drone(&parameters, 0.0, 0.0, [0.5, 0.0, 0.0]);
     let cranks = drone.cranks();
     drone.step(STEP_S, cranks);
@@ -359,7 +322,6 @@ fn impossible_figures_are_named() {
     for (bad, name) in [
         (TwoAxisParameters { axial_inertia_kg_m2: 0.0, ..good }, "axial_inertia_kg_m2"),
         (TwoAxisParameters { axial_inertia_kg_m2: 1e-5, ..good }, "axial_inertia_kg_m2"),
-        (TwoAxisParameters { spin_friction_n_m_s: -1e-3, ..good }, "spin_friction_n_m_s"),
         (TwoAxisParameters { lateral_cm_m: f64::INFINITY, ..good }, "lateral_cm_m"),
         (
             TwoAxisParameters {
@@ -368,19 +330,8 @@ fn impossible_figures_are_named() {
             },
             "link_mass_kg",
         ),
-        (TwoAxisParameters { spin: Spin::Moment(f64::NAN), ..good }, "spin_moment_n_m"),
     ] {
         let error = TwoAxisDrone::new(&bad, UnitQuaternion::identity(), [0.0; 3]).unwrap_err();
         assert!(error.to_string().contains(name), "{error}");
-        assert_eq!(bad.validate().unwrap_err().to_string(), error.to_string());
-    }
-}
-
-#[test]
-fn parameters_come_from_text_and_go_to_it() {
-    for spin in [Spin::Free, Spin::Held, Spin::Moment(0.02)] {
-        let parameters = TwoAxisParameters { spin, ..TwoAxisParameters::PHYS };
-        let text = toml::to_string(&parameters).unwrap();
-        assert_eq!(toml::from_str::<TwoAxisParameters>(&text).unwrap(), parameters, "{text}");
     }
 }

@@ -103,11 +103,20 @@ pub(crate) fn all(runs: &Runs) -> Vec<Check> {
     checks.0
 }
 
+/// How far the loop is from closing, in m, for the angles of crank, link and rudder.
+fn residual(linkage: &Linkage, angles: [f64; 3]) -> [f64; 2] {
+    let [(s1, c1), (s2, c2), (s3, c3)] = angles.map(f64::sin_cos);
+    [
+        linkage.ground_m - linkage.crank_m * s1 - linkage.link_m * c2 + linkage.arm_m * s3,
+        linkage.crank_m * c1 - linkage.link_m * s2 - linkage.arm_m * c3,
+    ]
+}
+
 /// Link and rudder angles by Newton-Raphson from a start `(theta2, theta3)`, as the thesis solves
 /// the loop; from a neighbouring solution it needs four to six iterations.
 fn newton_raphson(linkage: &Linkage, crank: f64, (mut link, mut rudder): (f64, f64)) -> (f64, f64) {
     for _ in 0..6 {
-        let [x, y] = linkage.residual([crank, link, rudder]);
+        let [x, y] = residual(linkage, [crank, link, rudder]);
         let ((s2, c2), (s3, c3)) = (link.sin_cos(), rudder.sin_cos());
         let determinant = (link - rudder).cos();
         let step = (
@@ -127,7 +136,7 @@ fn linkage(checks: &mut Checks, runs: &Runs) {
     let linkage = Parameters::PHYS.linkage();
     let (low, high) = linkage.dead_points().unwrap();
     let open = |row: &Row| {
-        let [x, y] = linkage.residual([row.theta1, row.theta2, row.theta3]);
+        let [x, y] = residual(&linkage, [row.theta1, row.theta2, row.theta3]);
         x.hypot(y)
     };
     let mut start = (-0.2014, 0.0106);

@@ -88,6 +88,25 @@ fn scenario(text: &str) -> Vec<Row> {
     Scenario::parse(text).unwrap().run().unwrap()
 }
 
+/// Kinetic and potential energy, in J; the potential is zero with the centre of mass at the pivot's
+/// height.
+pub(crate) fn energy_j(mechanism: &Mechanism, state: &State) -> (f64, f64) {
+    let at = mechanism.configuration(state.crank_rad);
+    let (w0, v1) = (state.pitch_rate_rad_s, state.crank_rate_rad_s);
+    let (sin, cos) = state.pitch_rad.sin_cos();
+    let [x, y] = at.first_moment;
+    (
+        0.5 * at.m00 * w0 * w0 + at.m01 * w0 * v1 + 0.5 * at.m11 * v1 * v1,
+        mechanism.parameters().gravity_m_s2 * (sin * x + cos * y),
+    )
+}
+
+/// Angular momentum of all bodies about the pivot, in kg m2/s.
+pub(crate) fn momentum_kg_m2_s(mechanism: &Mechanism, state: &State) -> f64 {
+    let at = mechanism.configuration(state.crank_rad);
+    at.m00 * state.pitch_rate_rad_s + at.m01 * state.crank_rate_rad_s
+}
+
 /// A tumble over 5 s under a servo torque (N m) over time, the work of all loads but gravity and
 /// the impulse of all moments integrated beside the motion.
 fn account(mechanism: &Mechanism, torque: impl Fn(f64) -> f64) -> Vec<Instant> {
@@ -114,14 +133,14 @@ fn account(mechanism: &Mechanism, torque: impl Fn(f64) -> f64) -> Vec<Instant> {
         .zip(states)
         .map(|(time_s, [th0, th1, w0, v1, work_j, impulse])| {
             let state = State::from_array([th0, th1, w0, v1]);
-            let (kinetic_j, potential_j) = mechanism.energy_j(&state);
+            let (kinetic_j, potential_j) = energy_j(mechanism, &state);
             Instant {
                 time_s,
                 state,
                 kinetic_j,
                 potential_j,
                 work_j,
-                momentum: mechanism.momentum_kg_m2_s(&state),
+                momentum: momentum_kg_m2_s(mechanism, &state),
                 impulse,
             }
         })

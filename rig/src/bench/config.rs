@@ -1,6 +1,6 @@
 //! What stands on the bench, as it is chosen.
 
-use plant::two_axis::{Spin, TwoAxisDrone, TwoAxisParameters};
+use plant::two_axis::{TwoAxisDrone, TwoAxisParameters};
 use plant::{Drone, ParameterError, Parameters, ServoModel};
 use tvc_nano::Axis;
 
@@ -17,8 +17,6 @@ pub struct TwoAxes {
     pub start_roll_rad: f64,
     /// Rate about its own vertical with which it is released, rad/s.
     pub spin_rad_s: f64,
-    /// What turns it about that.
-    pub spin: Spin,
     /// Distance of the centre of mass from the thrust axis to the right, m.
     pub lateral_cm_m: f64,
     /// Momentum of propellers that do not cancel, kg m2/s.
@@ -116,7 +114,6 @@ pub(super) fn hang(
         VehicleConfig::TwoAxes(two_axes) => {
             let parameters = TwoAxisParameters {
                 lateral_cm_m: two_axes.lateral_cm_m,
-                spin: two_axes.spin,
                 rotor_momentum_kg_m2_s: two_axes.rotor_momentum_kg_m2_s,
                 ..TwoAxisParameters::of(bench.parameters)
             };

@@ -60,7 +60,7 @@ fn analyse(options: &Linear) -> Result<Analysis, BadInput> {
         residual_rad_s2: mechanism.accelerations(&point, torque_n_m),
         model: linearise(&mechanism, &point, torque_n_m),
         gains,
-        open: OpenLoop::at_point(&mechanism, &point, &setup.servo, &setup.timing, gains.0, gains.1),
+        open: OpenLoop::new(&mechanism, &point, &setup.servo, &setup.timing, gains.0, gains.1),
     })
 }
 

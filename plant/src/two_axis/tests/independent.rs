@@ -137,7 +137,7 @@ impl Motion {
         sum + (near - rotors(2.0) + rotors(-2.0)) / (12.0 * APART_S)
     }
 
-    /// Moment of all forces about the pivot, without that which holds a spin, body axes, N m.
+    /// Moment of all forces about the pivot, body axes, N m.
     fn moment(&self, parameters: &TwoAxisParameters) -> Vector3<f64> {
         let p = &parameters.one_axis;
         let weight: Vector3<f64> = self
@@ -156,12 +156,7 @@ impl Motion {
             moment += at.cross(&Vector3::new(0.0, 0.0, -p.thrust_n));
         }
         let friction = p.pivot_friction_n_m_s;
-        let friction = Vector3::new(friction, friction, parameters.spin_friction_n_m_s);
-        moment -= friction.component_mul(&self.rates);
-        if let Spin::Moment(spin) = parameters.spin {
-            moment.z += spin;
-        }
-        moment
+        moment - Vector3::new(friction, friction, 0.0).component_mul(&self.rates)
     }
 }
 
@@ -170,11 +165,9 @@ fn vector(reach: f64) -> impl Strategy<Value = Vector3<f64>> {
 }
 
 fn figures() -> impl Strategy<Value = TwoAxisParameters> {
-    let spin =
-        prop_oneof![Just(Spin::Free), Just(Spin::Held), (-0.1..0.1_f64).prop_map(Spin::Moment)];
     let small = proptest::array::uniform5(-0.01..0.01_f64);
-    (spin, small, 0.0..0.05_f64, -0.05..0.05_f64, 0.02..0.05_f64).prop_map(
-        |(spin, [aside, crank, rudder, thrust, ahead], friction, rotor, axial)| TwoAxisParameters {
+    (small, 0.0..0.05_f64, -0.05..0.05_f64, 0.02..0.05_f64).prop_map(
+        |([aside, crank, rudder, thrust, ahead], friction, rotor, axial)| TwoAxisParameters {
             one_axis: Parameters {
                 crank_mass_kg: 0.02,
                 link_mass_kg: 0.01,
@@ -188,8 +181,6 @@ fn figures() -> impl Strategy<Value = TwoAxisParameters> {
             },
             lateral_cm_m: aside,
             axial_inertia_kg_m2: axial,
-            spin,
-            spin_friction_n_m_s: 0.5 * friction,
             rotor_momentum_kg_m2_s: rotor,
         },
     )
@@ -217,12 +208,7 @@ proptest! {
             crank_acc_rad_s2,
         };
         let inertial = attitude.inverse() * motion.inertial_moment(&parameters);
-        let mut missing = inertial - motion.moment(&parameters);
-        if parameters.spin == Spin::Held {
-            // The drive gives what is missing.
-            prop_assert_eq!(motion.accelerations.z, 0.0);
-            missing.z = 0.0;
-        }
+        let missing = inertial - motion.moment(&parameters);
         prop_assert!(missing.norm() < 2e-7, "{missing}");
     }
 

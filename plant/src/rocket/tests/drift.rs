@@ -1,10 +1,10 @@
 //! Step responses of the ascent beside those of the two-axis model.
 
+use crate::ascent::{Ascent, AscentParameters};
+use crate::rocket::{Rocket, RocketParameters};
 use nalgebra::{UnitQuaternion, Vector3};
-use plant::ascent::{Ascent, AscentParameters};
-use plant::rocket::{Rocket, RocketParameters};
 
-use crate::two_axes::{Attitude, STEP_S, fly};
+use super::two_axes::{Attitude, STEP_S, fly};
 
 /// How a step response under scheduled gains differs at most from that of `expected`, as a share of
 /// the step, in 2 s from `start_s`.
@@ -60,7 +60,7 @@ fn without_drift(table: &Rocket, first: Attitude, law: &Law, axis: usize) -> Vec
 /// The same with the speed sideways that the tilt brings, `y'' = (F - D) th / m + F delta / m + N
 /// alpha / m` with `alpha = th - y' / V`; for small angles.
 fn with_drift(table: &Rocket, first: Attitude, law: &Law, axis: usize) -> Vec<f64> {
-    let p = table.parameters();
+    let p = &table.parameters;
     let (mut now, mut gimbal, mut aside) = (first, 0.0, 0.0);
     let mut command = 0.0;
     let mut angles = Vec::new();
@@ -79,7 +79,7 @@ fn with_drift(table: &Rocket, first: Attitude, law: &Law, axis: usize) -> Vec<f6
         let push = (p.thrust_n - pressed * p.drag) * angle
             + p.thrust_n * gimbal
             + pressed * p.normal_force_slope * attack;
-        aside += push / flight.mass_kg * STEP_S;
+        aside += push / flight.mass.mass_kg * STEP_S;
         let turning = -flight.mu_c * gimbal - flight.mu_a * attack;
         now.rate_rad_s[axis] += turning * STEP_S;
         now.angle_rad[axis] += now.rate_rad_s[axis] * STEP_S;

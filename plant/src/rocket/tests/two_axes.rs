@@ -1,33 +1,33 @@
 //! Pitch and yaw of the rocket along a vertical path: `th'' = -mu_c delta - mu_a th`.
 
-use plant::StepResponse;
-use plant::integrate::rk4_step;
-use plant::rocket::{Flight, Gains, Rocket, RocketParameters};
+use crate::StepResponse;
+use crate::integrate::rk4_step;
+use crate::rocket::{Flight, Gains, Rocket, RocketParameters};
 
 /// Step of the attitude, in s, and of the control law in these.
-pub(crate) const STEP_S: f64 = 1e-3;
+pub(super) const STEP_S: f64 = 1e-3;
 const CONTROL_STEPS: u64 = 10;
 
 /// Attitude of both axes as a law gets it.
 #[derive(Clone, Copy)]
-pub(crate) struct Attitude {
+pub(super) struct Attitude {
     /// Time since ignition, in s.
-    pub(crate) time_s: f64,
+    pub(super) time_s: f64,
     /// Pitch and yaw, in rad.
-    pub(crate) angle_rad: [f64; 2],
+    pub(super) angle_rad: [f64; 2],
     /// Their rates, in rad/s.
-    pub(crate) rate_rad_s: [f64; 2],
+    pub(super) rate_rad_s: [f64; 2],
 }
 
 /// Attitudes and gimbal angles (rad) of a flight from `start` for `seconds`, the law giving gimbal
 /// commands (rad).
-pub(crate) fn fly(
+pub(super) fn fly(
     rocket: &Rocket,
     start: Attitude,
     seconds: f64,
     mut law: impl FnMut(&Attitude, &Flight) -> [f64; 2],
 ) -> Vec<(Attitude, [f64; 2])> {
-    let p = rocket.parameters();
+    let p = &rocket.parameters;
     let (mut now, mut gimbal, mut command) = (start, [0.0; 2], [0.0; 2]);
     let mut samples = vec![(now, gimbal)];
     // The lag over one step, exactly.
