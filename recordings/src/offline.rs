@@ -5,6 +5,7 @@ use tvc_fusion::offline::{self, TimedSample};
 use tvc_fusion::{Complementary, Filter, Gyro, Kalman, Madgwick, Mahony, Quaternion, Vqf};
 
 use crate::estimate::{config, double, refused, sample};
+use crate::score::unit;
 use crate::settings::Gains;
 use crate::{Choice, ChoiceError, Facts, FilterName, Mode, RecordedSample, Scalar, Setting};
 
@@ -68,10 +69,6 @@ fn run<F: Filter<Gains: Gains>>(
         .collect();
     let attitudes =
         offline::smooth::<F>(&config, &timed).map_err(|error| refused(choice, error))?;
-    let unit = |Quaternion { w, x, y, z }: Quaternion<F::Real>| {
-        let q = [w, x, y, z].map(double);
-        let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
-        q.map(|c| c / norm)
-    };
-    Ok(attitudes.into_iter().map(|attitude| unit(attitude.orientation)).collect())
+    let wxyz = |Quaternion { w, x, y, z }: Quaternion<F::Real>| [w, x, y, z].map(double);
+    Ok(attitudes.into_iter().map(|attitude| unit(wxyz(attitude.orientation))).collect())
 }
