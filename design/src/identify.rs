@@ -14,7 +14,7 @@ use tvc_nano::Axis;
 
 use crate::control_law;
 use flights::arguments::AxisName;
-use flights::log::{Flight, Release, Step};
+use flights::log::{Flight, Release};
 use report::exit::{BadInput, Verdict};
 use report::file::write_whole;
 use report::kind;
@@ -160,23 +160,16 @@ fn of_release(release: &Release<'_>, axis: Axis) -> Record {
     let as_first = |pulse_us: u16| {
         f64::from(first.centre_us) + turned * (f64::from(pulse_us) - f64::from(own.centre_us))
     };
-    let rate = |step: &Step| match axis {
-        Axis::Pitch => step.rate_rad_s[1],
-        Axis::Roll => step.rate_rad_s[0],
-    };
     let steps = release.steps.iter().zip(release.motion(axis));
     let mut record = Record::default();
-    for (step, (_, angle_rad)) in steps {
-        record.readings.push(Reading {
-            time_s: step.time_s(),
-            pitch_rad: angle_rad,
-            rate_rad_s: rate(step).into(),
-        });
-        let pulse_us = match axis {
-            Axis::Pitch => step.pulses_us[0].into(),
-            Axis::Roll => as_first(step.pulses_us[1]),
+    for (step, (_, pitch_rad)) in steps {
+        let time_s = step.time_s();
+        let (rate_rad_s, pulse_us) = match axis {
+            Axis::Pitch => (step.rate_rad_s[1], step.pulses_us[0].into()),
+            Axis::Roll => (step.rate_rad_s[0], as_first(step.pulses_us[1])),
         };
-        record.pulses.push((step.time_s(), pulse_us));
+        record.readings.push(Reading { time_s, pitch_rad, rate_rad_s: rate_rad_s.into() });
+        record.pulses.push((time_s, pulse_us));
     }
     record
 }

@@ -28,7 +28,7 @@ const MOST_STEPS: f64 = 1e6;
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub struct Case {
     /// Length, s.
-    seconds: f64,
+    pub seconds: f64,
     /// What was drawn.
     draw: Draw,
     /// The ranges that it was drawn from, and the noise.
@@ -94,11 +94,6 @@ impl Case {
             ));
         }
         Ok(case)
-    }
-
-    /// Its length, s.
-    pub fn seconds(&self) -> f64 {
-        self.seconds
     }
 
     /// The nominal drone, servo and timing.
