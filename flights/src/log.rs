@@ -189,6 +189,11 @@ fn now_us() -> u64 {
 /// [`BadInput`] if the file cannot be read.
 pub fn tlog(path: &Path) -> Result<Vec<u8>> {
     let bytes = input::bytes(path, input::LOG).map_err(|error| unreadable(path, &error))?;
+    tlog_of(bytes, path)
+}
+
+/// As [`tlog`], of a file's content. Standard error says why it could not be read to its end.
+fn tlog_of(bytes: Vec<u8>, path: &Path) -> Result<Vec<u8>> {
     let (bytes, cut) = unpacked(bytes, path)?;
     if let Some(why) = cut {
         eprintln!("{} is read as far as it goes: {why}", path.display());
