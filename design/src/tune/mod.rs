@@ -17,6 +17,7 @@ use tvc_nano::Params;
 
 use crate::control_law;
 use flights::param_file;
+use report::arguments::number;
 use report::exit::Verdict;
 use report::file::write_whole;
 use report::kind;
@@ -91,10 +92,7 @@ pub struct Tune {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a number above zero is needed".into()),
-    }
+    number(text, f64::MIN_POSITIVE..=f64::MAX, "a number above zero is needed")
 }
 
 /// What gains are found for.
