@@ -120,12 +120,6 @@ impl<'a> Plot<'a> {
         Self { x, y, lines, band: None, stretches: Vec::new() }
     }
 
-    /// With shaded stretches of x.
-    pub fn with_stretches(mut self, stretches: Vec<(f64, f64)>) -> Self {
-        self.stretches = stretches;
-        self
-    }
-
     /// With a shaded band of y.
     pub fn with_band(mut self, band: Option<(f64, f64)>) -> Self {
         self.band = band;
