@@ -41,11 +41,9 @@ fn by_name<T: Real>(
         FilterName::Kalman => run::<Kalman<T>>(choice, facts, samples),
         FilterName::Vqf => {
             let mut choice = choice.clone();
-            if choice.settings.iter().all(|set| set.key != "preset") {
-                choice
-                    .settings
-                    .push(Setting { key: "preset".to_owned(), value: "offline".to_owned() });
-            }
+            // A preset that is chosen stands behind it, and counts.
+            let preset = Setting { key: "preset".to_owned(), value: "offline".to_owned() };
+            choice.settings.insert(0, preset);
             run::<Vqf<T>>(&choice, facts, samples)
         }
     }
