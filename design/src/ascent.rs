@@ -1,5 +1,5 @@
-//! The rocket's ascent on the model, under the image's law in float: what `tvc tune` and `tvc
-//! montecarlo` fly. The attitude is the true one.
+//! The rocket's ascent on the model, under the image's law in float: what `tvc tune` flies.
+//! The attitude is the true one.
 
 use std::f64::consts::PI;
 

@@ -123,9 +123,8 @@ pub fn setup(servo: ServoKind, file: Option<&Path>) -> Result<Setup> {
     };
     let base = Setup { drone: Parameters::PHYS, servo, timing };
     let Some(path) = file else { return Ok(base) };
-    let bad = |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
-    let text = input::text(path).map_err(|error| bad(&error))?;
-    Ok(Setup::parse_over(&text, &base).map_err(|error| bad(&error))?)
+    let setup = Setup::parse_over(&input::file_text(path)?, &base);
+    Ok(setup.map_err(|error| BadInput::of(path, error))?)
 }
 
 #[cfg(test)]

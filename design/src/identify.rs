@@ -1,8 +1,8 @@
 //! `tvc identify`: thrust, inertia, servo speed and delay from a recorded run.
 
 use std::fmt::Write;
-use std::path::Path;
-use std::path::PathBuf;
+use std::fs::File;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
@@ -14,7 +14,7 @@ use tvc_nano::Axis;
 
 use crate::control_law;
 use flights::arguments::AxisName;
-use flights::log::{Flight, Release, Step};
+use flights::log::{Flight, Release};
 use report::exit::{BadInput, Verdict};
 use report::file::write_whole;
 use report::kind;
@@ -82,7 +82,7 @@ pub fn run(options: &Identify) -> Result<Verdict> {
     let nominal = control_law::setup(options.servo, options.drone.as_deref())?;
     let found = identify(&nominal, &record).map_err(|error| match error {
         IdentifyError::NoFit => anyhow::Error::new(error),
-        _ => BadInput::new(format!("{}: {error}", options.log.display())).into(),
+        _ => BadInput::of(&options.log, error).into(),
     })?;
     figures(&found).conclude(options.json, None)?;
     if let Some(out) = &options.out {
@@ -124,33 +124,30 @@ impl Columns {
 /// # Errors
 /// [`BadInput`] naming the file and what is wrong with it.
 pub fn read(path: &Path, release: Option<usize>, axis: Axis) -> Result<Record> {
-    let bad = |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
     if kind::is_log(path) {
         let flight = Flight::read(path)?;
-        let release = flight.release(release).map_err(|error| bad(&error))?;
+        let release = flight.release(release).map_err(|error| BadInput::of(path, error))?;
         if !release.axes().contains(&axis) {
-            return Err(bad(&"the vehicle had one axis in it (AXES 1), which is pitch").into());
+            let why = "the vehicle had one axis in it (AXES 1), which is pitch";
+            return Err(BadInput::of(path, why).into());
         }
         return Ok(of_release(&release, axis));
     }
     if axis == Axis::Roll {
-        return Err(bad(&"a table has pitch only").into());
+        return Err(BadInput::of(path, "a table has pitch only").into());
     }
     if release.is_some() {
-        return Err(bad(&"a table has no numbers of releases").into());
+        return Err(BadInput::of(path, "a table has no numbers of releases").into());
     }
-    let mut reader = csv::Reader::from_reader(Lines::new(
-        std::fs::File::open(path).map_err(|error| bad(&error))?,
-    ));
-    let columns = reader
-        .headers()
-        .map_err(|error| bad(&error))
-        .and_then(|head| Columns::of(head).map_err(|error| bad(&error)))?;
+    let file = File::open(path).map_err(|error| BadInput::of(path, error))?;
+    let mut reader = csv::Reader::from_reader(Lines::new(file));
+    let head = reader.headers().map_err(|error| BadInput::of(path, error))?;
+    let columns = Columns::of(head).map_err(|error| BadInput::of(path, error))?;
     let mut record = Record::default();
     for (index, row) in reader.records().enumerate() {
-        let row = row.map_err(|error| bad(&error))?;
+        let row = row.map_err(|error| BadInput::of(path, error))?;
         take(&columns, &row, &mut record)
-            .map_err(|error| bad(&format!("row {}: {error}", index + 2)))?;
+            .map_err(|error| BadInput::of(path, format!("row {}: {error}", index + 2)))?;
     }
     Ok(record)
 }
@@ -163,23 +160,16 @@ fn of_release(release: &Release<'_>, axis: Axis) -> Record {
     let as_first = |pulse_us: u16| {
         f64::from(first.centre_us) + turned * (f64::from(pulse_us) - f64::from(own.centre_us))
     };
-    let rate = |step: &Step| match axis {
-        Axis::Pitch => step.rate_rad_s[1],
-        Axis::Roll => step.rate_rad_s[0],
-    };
     let steps = release.steps.iter().zip(release.motion(axis));
     let mut record = Record::default();
-    for (step, (_, angle_rad)) in steps {
-        record.readings.push(Reading {
-            time_s: step.time_s(),
-            pitch_rad: angle_rad,
-            rate_rad_s: rate(step).into(),
-        });
-        let pulse_us = match axis {
-            Axis::Pitch => step.pulses_us[0].into(),
-            Axis::Roll => as_first(step.pulses_us[1]),
+    for (step, (_, pitch_rad)) in steps {
+        let time_s = step.time_s();
+        let (rate_rad_s, pulse_us) = match axis {
+            Axis::Pitch => (step.rate_rad_s[1], step.pulses_us[0].into()),
+            Axis::Roll => (step.rate_rad_s[0], as_first(step.pulses_us[1])),
         };
-        record.pulses.push((step.time_s(), pulse_us));
+        record.readings.push(Reading { time_s, pitch_rad, rate_rad_s: rate_rad_s.into() });
+        record.pulses.push((time_s, pulse_us));
     }
     record
 }

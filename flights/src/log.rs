@@ -113,7 +113,7 @@ impl Log {
 /// # Errors
 /// [`BadInput`] if `from` is no log, or `to` is there already as a log or has no such form.
 pub fn convert(from: &Path, to: &Path, tool: &str) -> Result<Content> {
-    if Output::of(to)? == Output::Table {
+    if is_table(to)? {
         let flight = Flight::read(from)?;
         write_csv(&flight, to)?;
         return Ok(Content::Steps(flight.steps().count()));
@@ -144,7 +144,7 @@ pub enum Content {
 /// # Errors
 /// As [`convert`].
 pub fn write_flight(flight: &Flight, to: &Path, tool: &str) -> Result<()> {
-    if Output::of(to)? == Output::Table {
+    if is_table(to)? {
         return write_csv(flight, to);
     }
     let header = MavHeader { system_id: SYSTEM_ID.into(), component_id: COMPONENT_ID, sequence: 0 };
@@ -168,27 +168,13 @@ pub fn write_flight(flight: &Flight, to: &Path, tool: &str) -> Result<()> {
     writer.end()
 }
 
-/// What a file's name asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Output {
-    Log,
-    Table,
-}
-
-impl Output {
-    fn of(path: &Path) -> Result<Self> {
-        if has_extension(path, "csv") {
-            Ok(Self::Table)
-        } else if has_extension(path, "tlog") || has_extension(path, "mcap") {
-            Ok(Self::Log)
-        } else {
-            Err(BadInput::new(format!(
-                "{}: the file's name must end in .tlog, .mcap or .csv",
-                path.display()
-            ))
-            .into())
-        }
+/// Whether a file's name asks for a table, else for a log.
+fn is_table(path: &Path) -> Result<bool> {
+    let is_table = has_extension(path, "csv");
+    if is_table || has_extension(path, "tlog") || has_extension(path, "mcap") {
+        return Ok(is_table);
     }
+    Err(BadInput::of(path, "the file's name must end in .tlog, .mcap or .csv").into())
 }
 
 /// Us since 1970.
@@ -203,6 +189,11 @@ fn now_us() -> u64 {
 /// [`BadInput`] if the file cannot be read.
 pub fn tlog(path: &Path) -> Result<Vec<u8>> {
     let bytes = input::bytes(path, input::LOG).map_err(|error| unreadable(path, &error))?;
+    tlog_of(bytes, path)
+}
+
+/// As [`tlog`], of a file's content. Standard error says why it could not be read to its end.
+fn tlog_of(bytes: Vec<u8>, path: &Path) -> Result<Vec<u8>> {
     let (bytes, cut) = unpacked(bytes, path)?;
     if let Some(why) = cut {
         eprintln!("{} is read as far as it goes: {why}", path.display());

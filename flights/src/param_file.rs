@@ -57,36 +57,12 @@ pub fn parse(text: &str) -> Result<File, String> {
     let mut names: Vec<&str> = Vec::new();
     // Windows' editors put a byte order mark before the text.
     for (index, line) in text.trim_start_matches('\u{FEFF}').lines().enumerate() {
-        let line = line.split('#').next().unwrap_or_default();
-        let words: Vec<&str> = line
-            .split(|c: char| c.is_whitespace() || matches!(c, ',' | ';' | '='))
-            .filter(|word| !word.is_empty())
-            .collect();
-        let (name, value) = match words.as_slice() {
-            [] => continue,
-            [name, value] | [_, _, name, value, _] => (*name, *value),
-            _ if has_decimal_comma(line) => {
-                let why = "a decimal comma: write 1.85, not 1,85";
-                return Err(format!("line {}: {why}", index + 1));
-            }
-            _ => return Err(format!("line {}: not a name and a value", index + 1)),
+        let refuse = |why: String| format!("line {}: {why}", index + 1);
+        let Some((name, value)) = row(line).map_err(refuse)? else {
+            continue;
         };
-        // A mark in the midst of a file would stand before a name that looks like another one.
-        if !name.bytes().all(|byte| byte.is_ascii_graphic()) {
-            return Err(format!("line {}: {name:?} is no name of a parameter", index + 1));
-        }
-        let value =
-            value.parse().map_err(|_| format!("line {}: {value} is no number", index + 1))?;
-        let capitals = name.to_uppercase();
-        if Params::info(name).is_some() {
-            Params::default()
-                .set(name, value)
-                .map_err(|error| format!("line {}: {error}", index + 1))?;
-        } else if Params::info(&capitals).is_some() {
-            return Err(format!("line {}: {name} is written {capitals}", index + 1));
-        }
         if names.contains(&name) {
-            return Err(format!("line {}: {name} a second time", index + 1));
+            return Err(refuse(format!("{name} a second time")));
         }
         names.push(name);
         if is_polarity(name) {
@@ -99,6 +75,33 @@ pub fn parse(text: &str) -> Result<File, String> {
         return Err("no parameters in it".into());
     }
     Ok(file)
+}
+
+/// The name and the value in a line; none in one without words.
+fn row(line: &str) -> Result<Option<(&str, f32)>, String> {
+    let line = line.split('#').next().unwrap_or_default();
+    let words: Vec<&str> = line
+        .split(|c: char| c.is_whitespace() || matches!(c, ',' | ';' | '='))
+        .filter(|word| !word.is_empty())
+        .collect();
+    let (name, value) = match words.as_slice() {
+        [] => return Ok(None),
+        [name, value] | [_, _, name, value, _] => (*name, *value),
+        _ if has_decimal_comma(line) => return Err("a decimal comma: write 1.85, not 1,85".into()),
+        _ => return Err("not a name and a value".into()),
+    };
+    // A mark in the midst of a file would stand before a name that looks like another one.
+    if !name.bytes().all(|byte| byte.is_ascii_graphic()) {
+        return Err(format!("{name:?} is no name of a parameter"));
+    }
+    let value = value.parse().map_err(|_| format!("{value} is no number"))?;
+    let capitals = name.to_uppercase();
+    if Params::info(name).is_some() {
+        Params::default().set(name, value).map_err(|error| error.to_string())?;
+    } else if Params::info(&capitals).is_some() {
+        return Err(format!("{name} is written {capitals}"));
+    }
+    Ok(Some((name, value)))
 }
 
 /// Whether a comma stands between two digits, as in the files of many spreadsheets.

@@ -8,6 +8,7 @@ use tvc_fusion::{
     Quaternion, Sample, Vqf, fixed,
 };
 
+use crate::score::unit;
 use crate::settings::{self, Gains};
 use crate::{Choice, ChoiceError, Facts, FilterName, Mode, RecordedSample, Scalar};
 
@@ -60,9 +61,7 @@ impl Estimate {
     pub fn update(&mut self, sample: &RecordedSample) -> [f64; 4] {
         let last_s = self.last_s.replace(sample.time_s);
         let dt_s = last_s.map_or(self.period_s, |last_s| sample.time_s - last_s);
-        let q = self.step(dt_s, sample);
-        let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
-        q.map(|c| c / norm)
+        unit(self.step(dt_s, sample))
     }
 
     /// Takes a sample `dt_s` after the one before; the orientation, sensor to north-east-down,

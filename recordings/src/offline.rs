@@ -5,6 +5,7 @@ use tvc_fusion::offline::{self, TimedSample};
 use tvc_fusion::{Complementary, Filter, Gyro, Kalman, Madgwick, Mahony, Quaternion, Vqf};
 
 use crate::estimate::{config, double, refused, sample};
+use crate::score::unit;
 use crate::settings::Gains;
 use crate::{Choice, ChoiceError, Facts, FilterName, Mode, RecordedSample, Scalar, Setting};
 
@@ -40,11 +41,9 @@ fn by_name<T: Real>(
         FilterName::Kalman => run::<Kalman<T>>(choice, facts, samples),
         FilterName::Vqf => {
             let mut choice = choice.clone();
-            if choice.settings.iter().all(|set| set.key != "preset") {
-                choice
-                    .settings
-                    .push(Setting { key: "preset".to_owned(), value: "offline".to_owned() });
-            }
+            // A preset that is chosen stands behind it, and counts.
+            let preset = Setting { key: "preset".to_owned(), value: "offline".to_owned() };
+            choice.settings.insert(0, preset);
             run::<Vqf<T>>(&choice, facts, samples)
         }
     }
@@ -68,10 +67,6 @@ fn run<F: Filter<Gains: Gains>>(
         .collect();
     let attitudes =
         offline::smooth::<F>(&config, &timed).map_err(|error| refused(choice, error))?;
-    let unit = |Quaternion { w, x, y, z }: Quaternion<F::Real>| {
-        let q = [w, x, y, z].map(double);
-        let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
-        q.map(|c| c / norm)
-    };
-    Ok(attitudes.into_iter().map(|attitude| unit(attitude.orientation)).collect())
+    let wxyz = |Quaternion { w, x, y, z }: Quaternion<F::Real>| [w, x, y, z].map(double);
+    Ok(attitudes.into_iter().map(|attitude| unit(wxyz(attitude.orientation))).collect())
 }

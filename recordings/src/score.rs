@@ -77,7 +77,8 @@ fn multiply([a, b, c, d]: [f64; 4], [w, x, y, z]: [f64; 4]) -> [f64; 4] {
     ]
 }
 
-fn unit(q: [f64; 4]) -> [f64; 4] {
+/// The same direction with the length one.
+pub(crate) fn unit(q: [f64; 4]) -> [f64; 4] {
     let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
     q.map(|c| c / norm)
 }

@@ -163,7 +163,7 @@ impl Columns {
             return Err("the time is not a number".into());
         }
         let mag_ut = self.mag.map(|mag| mag.read(record)).transpose()?;
-        let reference = self.reference.map(|columns| quadruple(record, columns)).transpose()?;
+        let reference = self.reference.map(|columns| numbers(record, columns)).transpose()?;
         Ok(RecordedSample {
             time_s,
             gyr_rad_s: self.gyr.read(record)?,
@@ -183,15 +183,16 @@ impl Columns {
 
 impl Vector {
     fn read(&self, record: &ByteRecord) -> Result<[f64; 3], String> {
-        let [x, y, z] = self.columns;
-        let of = |column| Ok::<_, String>(number(record, column)? * self.unit);
-        Ok([of(x)?, of(y)?, of(z)?])
+        Ok(numbers(record, self.columns)?.map(|number| number * self.unit))
     }
 }
 
-fn quadruple(record: &ByteRecord, [w, x, y, z]: [usize; 4]) -> Result<[f64; 4], String> {
-    let of = |column| number(record, column);
-    Ok([of(w)?, of(x)?, of(y)?, of(z)?])
+fn numbers<const N: usize>(record: &ByteRecord, columns: [usize; N]) -> Result<[f64; N], String> {
+    let mut numbers = [0.0; N];
+    for (read, column) in numbers.iter_mut().zip(columns) {
+        *read = number(record, column)?;
+    }
+    Ok(numbers)
 }
 
 /// An empty field is no number: NaN.

@@ -2,7 +2,6 @@
 //! parts can be joined; figures and a page; and single runs as files, which can be carried out
 //! again.
 
-use std::fmt::Display;
 use std::fs::File;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -140,12 +139,11 @@ pub trait Row: Serialize + DeserializeOwned {
 pub fn merge<R: Row>(files: &[&Path]) -> Result<Vec<R>> {
     let mut all: Vec<R> = Vec::new();
     for path in files {
-        let bad = |error: &dyn Display| BadInput::new(format!("{}: {error}", path.display()));
-        let file = File::open(path).map_err(|error| bad(&error))?;
+        let file = File::open(path).map_err(|error| BadInput::of(path, error))?;
         for row in csv::Reader::from_reader(Lines::new(file)).deserialize::<R>() {
-            let row = row.map_err(|error| bad(&error))?;
+            let row = row.map_err(|error| BadInput::of(path, error))?;
             let checked = row.check(all.first().unwrap_or(&row));
-            checked.map_err(|error| bad(&error))?;
+            checked.map_err(|why| BadInput::of(path, why))?;
             all.push(row);
         }
     }
@@ -198,7 +196,5 @@ pub fn read_run<T>(
     path: &Path,
     parse: impl FnOnce(&str) -> Result<T, String>,
 ) -> Result<T, BadInput> {
-    let text = input::text(path).map_err(|error| error.to_string());
-    let read = text.and_then(|text| parse(&text));
-    read.map_err(|error| BadInput::new(format!("{}: {error}", path.display())))
+    parse(&input::file_text(path)?).map_err(|why| BadInput::of(path, why))
 }

@@ -1,8 +1,11 @@
 //! How a command ends: exit status 2 and one line for unusable input, status 1 for a requirement
 //! that was missed and for everything else that failed.
 
-use std::fmt;
+use std::fmt::Display;
+use std::path::Path;
 use std::process::ExitCode;
+
+use thiserror::Error;
 
 /// Exit status of a command whose input was unusable.
 const BAD_INPUT: u8 = 2;
@@ -10,23 +13,21 @@ const BAD_INPUT: u8 = 2;
 const FAILED: u8 = 1;
 
 /// Unusable input: a file that is not there, a value out of range, a port that does not exist.
-#[derive(Debug)]
+#[derive(Debug, Error)]
+#[error("{0}")]
 pub struct BadInput(String);
 
 impl BadInput {
     /// An error in one line, which says what was wrong and what would be right.
-    pub fn new(what: impl fmt::Display) -> Self {
+    pub fn new(what: impl Display) -> Self {
         Self(what.to_string())
     }
-}
 
-impl fmt::Display for BadInput {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
+    /// What is wrong with a file, behind its name.
+    pub fn of(file: &Path, what: impl Display) -> Self {
+        Self(format!("{}: {what}", file.display()))
     }
 }
-
-impl std::error::Error for BadInput {}
 
 /// Whether a command that ran to its end found everything as required.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

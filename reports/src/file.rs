@@ -12,16 +12,6 @@ use tempfile::{NamedTempFile, TempPath};
 
 use super::exit::Verdict;
 
-/// Prints `figures` on standard output: as JSON, or as the `text` for people, which ends its own
-/// lines.
-pub fn print_figures<F: Serialize>(
-    figures: &F,
-    json: bool,
-    text: impl FnOnce(&F) -> String,
-) -> Result<()> {
-    if json { print_json(figures) } else { print(text(figures)) }
-}
-
 /// Prints `value` on standard output as one line of JSON.
 pub fn print_json(value: &impl Serialize) -> Result<()> {
     print(format_args!("{}\n", serde_json::to_string(value)?))

@@ -5,6 +5,8 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
+use crate::exit::BadInput;
+
 /// Longest text, bytes: a hundred times what people write.
 pub const TEXT: u64 = 1 << 20;
 /// Longest image, bytes: with all of its debug information it has some megabytes.
@@ -27,6 +29,14 @@ pub fn text(path: &Path) -> io::Result<String> {
             false => "it is no text",
         })
     })
+}
+
+/// As [`text`], for a command whose input the file is.
+///
+/// # Errors
+/// Those of [`text`], behind the file's name.
+pub fn file_text(path: &Path) -> Result<String, BadInput> {
+    text(path).map_err(|error| BadInput::of(path, error))
 }
 
 /// The bytes of a file.

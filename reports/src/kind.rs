@@ -71,7 +71,7 @@ pub fn given_or(given: Option<&Path>, usual: impl AsRef<Path>, kind: Kind) -> Re
         return Ok(path.to_owned());
     }
     let path = usual.as_ref();
-    check(path, &[kind]).map_err(|why| BadInput::new(format!("{}: {why}", path.display())))?;
+    check(path, &[kind]).map_err(|why| BadInput::of(path, why))?;
     Ok(path.to_owned())
 }
 

@@ -2,6 +2,7 @@
 
 use anyhow::{Result, anyhow};
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
+use plotters::element::DynElement;
 use plotters::prelude::*;
 
 /// Size of a plot in SVG units; pages scale it to their width.
@@ -84,6 +85,22 @@ pub enum Shape {
     Dot,
 }
 
+impl Shape {
+    /// A point of this shape, in a chart or in its legend.
+    fn drawn<'a, P: Clone + 'static>(
+        self,
+        at: P,
+        colour: RGBColor,
+    ) -> DynElement<'static, SVGBackend<'a>, P> {
+        let line = colour.stroke_width(2);
+        match self {
+            Self::Cross => Cross::new(at, 5, line).into_dyn(),
+            Self::Circle => Circle::new(at, 5, line).into_dyn(),
+            Self::Dot => Circle::new(at, 4, colour.filled()).into_dyn(),
+        }
+    }
+}
+
 /// Colours that stay apart for colour-blind readers and in grey print.
 const PALETTE: [RGBColor; 6] = [
     RGBColor(0, 90, 181),
@@ -101,12 +118,6 @@ impl<'a> Plot<'a> {
     /// A plot without a band; axes are labelled with their units.
     pub fn new(x: &'a str, y: &'a str, lines: Vec<Line<'a>>) -> Self {
         Self { x, y, lines, band: None, stretches: Vec::new() }
-    }
-
-    /// With shaded stretches of x.
-    pub fn with_stretches(mut self, stretches: Vec<(f64, f64)>) -> Self {
-        self.stretches = stretches;
-        self
     }
 
     /// With a shaded band of y.
@@ -192,25 +203,10 @@ impl<'a> Plot<'a> {
             }
         }
         for marks in &look.marks {
-            let colour = PALETTE[marks.colour % PALETTE.len()];
+            let (shape, colour) = (marks.shape, PALETTE[marks.colour % PALETTE.len()]);
             let points = marks.points.iter().copied().filter(inside);
-            let line = colour.stroke_width(2);
-            let drawn = match marks.shape {
-                Shape::Cross => chart.draw_series(points.map(|at| Cross::new(at, 5, line)))?,
-                Shape::Circle => chart.draw_series(points.map(|at| Circle::new(at, 5, line)))?,
-                Shape::Dot => {
-                    chart.draw_series(points.map(|at| Circle::new(at, 4, colour.filled())))?
-                }
-            };
-            let shape = marks.shape;
-            drawn.label(marks.name).legend(move |(x, y)| {
-                let at = (x + 9, y);
-                match shape {
-                    Shape::Cross => Cross::new(at, 5, line).into_dyn(),
-                    Shape::Circle => Circle::new(at, 5, line).into_dyn(),
-                    Shape::Dot => Circle::new(at, 4, colour.filled()).into_dyn(),
-                }
-            });
+            let drawn = chart.draw_series(points.map(|at| shape.drawn(at, colour)))?;
+            drawn.label(marks.name).legend(move |(x, y)| shape.drawn((x + 9, y), colour));
         }
         let named = self.lines.iter().any(|line| !line.name.is_empty());
         if self.lines.len() + look.marks.len() > 1 && (named || !look.marks.is_empty()) {

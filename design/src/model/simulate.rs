@@ -7,10 +7,10 @@ use anyhow::{Context, Result};
 use indicatif::ProgressBar;
 use plant::scenario::{Row, Scenario, ScenarioError};
 
-use super::read;
 use crate::model::Simulate;
 use report::exit::{BadInput, Verdict};
 use report::file::{print, write_whole};
+use report::input;
 use report::measure::{Figures, data, figure};
 
 /// Simulates as `options` say.
@@ -45,9 +45,9 @@ pub fn run(options: &Simulate) -> Result<Verdict> {
 }
 
 fn simulate(options: &Simulate) -> Result<Vec<Row>> {
-    let name = || options.scenario.display().to_string();
-    let refuse = |error: ScenarioError| BadInput::new(format!("{}: {error}", name()));
-    let mut scenario = Scenario::parse(&read(&options.scenario)?).map_err(refuse)?;
+    let path = &options.scenario;
+    let refuse = |error: ScenarioError| BadInput::of(path, error);
+    let mut scenario = Scenario::parse(&input::file_text(path)?).map_err(refuse)?;
     if let Some(dt_s) = options.dt {
         scenario.dt_s = dt_s;
         scenario.validate().map_err(refuse)?;
@@ -59,7 +59,9 @@ fn simulate(options: &Simulate) -> Result<Vec<Row>> {
     match rows {
         Ok(rows) => Ok(rows),
         // Integration failed at run time: the scenario itself was valid.
-        Err(error @ ScenarioError::Integration(_)) => Err(error).with_context(name),
+        Err(error @ ScenarioError::Integration(_)) => {
+            Err(error).with_context(|| path.display().to_string())
+        }
         Err(error) => Err(refuse(error).into()),
     }
 }

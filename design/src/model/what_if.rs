@@ -40,14 +40,12 @@ struct Flown {
 /// # Errors
 /// [`BadInput`] for a log without such a release, or a drone that cannot be.
 pub fn run(options: &WhatIf) -> Result<Verdict> {
-    let named = |error: &dyn std::fmt::Display| {
-        BadInput::new(format!("{}: {error}", options.log.display()))
-    };
-    let flight = Flight::read(&options.log)?;
-    let release = flight.release(options.release).map_err(|error| named(&error))?;
+    let path = &options.log;
+    let flight = Flight::read(path)?;
+    let release = flight.release(options.release).map_err(|error| BadInput::of(path, error))?;
     let setup = setup(servo(&release.params), options.drone.as_deref())?;
     let changed: BTreeMap<String, f32> = options.parameters.iter().cloned().collect();
-    let all = flown_again(&release, &setup, &changed).map_err(|error| named(&error))?;
+    let all = flown_again(&release, &setup, &changed).map_err(|error| BadInput::of(path, error))?;
     let difference_rad = rms_difference(&all[0].motion, &all[1].motion);
     let figures = figures(&all, &changed, difference_rad);
     let page = markup(options, release.set_rad(Axis::Pitch)[0], &all, &figures)?;

@@ -28,7 +28,7 @@ const MOST_STEPS: f64 = 1e6;
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub struct Case {
     /// Length, s.
-    seconds: f64,
+    pub seconds: f64,
     /// What was drawn.
     draw: Draw,
     /// The ranges that it was drawn from, and the noise.
@@ -96,11 +96,6 @@ impl Case {
         Ok(case)
     }
 
-    /// Its length, s.
-    pub fn seconds(&self) -> f64 {
-        self.seconds
-    }
-
     /// The nominal drone, servo and timing.
     fn setup(&self) -> Setup {
         Setup { drone: self.drone, servo: self.servo, timing: self.timing }
@@ -132,11 +127,9 @@ impl Case {
 
 /// Flies a run again.
 pub fn rerun(options: &Rerun) -> Result<Verdict> {
-    let named = |error: &dyn std::fmt::Display| {
-        BadInput::new(format!("{}: {error}", options.file.display()))
-    };
-    let case = read_run(&options.file, Case::parse)?;
-    let motion = case.fly().map_err(|error| named(&error))?;
+    let path = &options.file;
+    let case = read_run(path, Case::parse)?;
+    let motion = case.fly().map_err(|error| BadInput::of(path, error))?;
     let written = options.out.as_ref().map_or(Ok(()), |out| {
         let mut text =
             String::from("time_s,pitch_rad,rate_rad_s,crank_rad,rudder_rad,command_rad\n");
@@ -151,7 +144,7 @@ pub fn rerun(options: &Rerun) -> Result<Verdict> {
         write_whole(out, text.as_bytes())
     });
     let response = StepResponse::new(motion.iter().map(|s| (s.time_s, s.pitch_rad)), 0.0)
-        .map_err(|error| named(&error))?;
+        .map_err(|error| BadInput::of(path, error))?;
     let settling = figure("settling_5pct_s", response.settling_s(0.05));
     let verdict = Figures::from([
         figure("run", case.draw.index).shown("run", "", 0),

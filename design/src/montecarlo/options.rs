@@ -6,7 +6,7 @@ use clap::{Args, Subcommand};
 use plant::dispersion::Ranges;
 use rig::ServoKind;
 
-use report::arguments::shard;
+use report::arguments::{number, shard};
 use report::campaign::{CampaignOptions, Merge, Output};
 use report::kind;
 
@@ -129,10 +129,8 @@ pub struct Rerun {
 const LARGEST_LATERAL_MM: f64 = 40.0;
 
 fn lateral(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(mm) if (0.0..=LARGEST_LATERAL_MM).contains(&mm) => Ok(mm),
-        _ => Err(format!("an offset is 0 to {LARGEST_LATERAL_MM} mm")),
-    }
+    let what = format!("an offset is 0 to {LARGEST_LATERAL_MM} mm");
+    number(text, 0.0..=LARGEST_LATERAL_MM, &what)
 }
 
 /// A quantity with how far it may lie from its nominal value, in the unit of [`Ranges`].
@@ -172,19 +170,12 @@ fn spread(text: &str) -> Result<Spread, String> {
         let names: Vec<&str> = QUANTITIES.iter().map(|(name, ..)| *name).collect();
         return Err(format!("no {name} is drawn; there are {}", names.join(", ")));
     };
-    match value.trim().parse::<f64>() {
-        Ok(value) if (0.0..=*most).contains(&value) => {
-            Ok(Spread { quantity: *quantity, value: unit * value })
-        }
-        _ => Err(format!("{name} is 0 to {most}")),
-    }
+    let value = number(value, 0.0..=*most, &format!("{name} is 0 to {most}"))?;
+    Ok(Spread { quantity: *quantity, value: unit * value })
 }
 
 fn share(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
-        _ => Err("a share is 0 to 1, such as 0.99".into()),
-    }
+    number(text, 0.0..=1.0, "a share is 0 to 1, such as 0.99")
 }
 
 #[cfg(test)]

@@ -16,7 +16,8 @@ use rig::ServoKind;
 use tvc_nano::Params;
 
 use crate::control_law;
-use flights::param_file;
+use flights::{param_file, requirements};
+use report::arguments::number;
 use report::exit::Verdict;
 use report::file::write_whole;
 use report::kind;
@@ -91,10 +92,7 @@ pub struct Tune {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a number above zero is needed".into()),
-    }
+    number(text, f64::MIN_POSITIVE..=f64::MAX, "a number above zero is needed")
 }
 
 /// What gains are found for.
@@ -117,10 +115,7 @@ pub fn run(options: &Tune) -> Result<Verdict> {
     }
     let required = Requirements {
         overshoot_pct: options.overshoot,
-        ratio: options.settling.unwrap_or(match options.servo {
-            ServoKind::S3003 => 1.25,
-            ServoKind::Digital => 1.2,
-        }),
+        ratio: options.settling.unwrap_or(requirements::most_settling_ratio(options.servo)),
         gain_db: options.margin,
     };
     let setup = control_law::setup(options.servo, options.drone.as_deref())?;

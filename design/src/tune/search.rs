@@ -14,11 +14,10 @@ use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
+use rayon::prelude::*;
 
 /// What a search shows of its progress.
 pub const BAR: &str = "{bar:40} generation {pos}/{len}, {eta} left, cost {msg}";
-use rayon::prelude::*;
-
 /// Candidates in a generation, the better half of which make the next.
 pub const CANDIDATES: usize = 14;
 const PARENTS: usize = CANDIDATES / 2;

@@ -3,7 +3,7 @@
 use client::{LinkCounts, text};
 use mavlink::dialects::common::{MavMessage, V2_EXTENSION_DATA};
 use tvc_nano::telemetry::{CRANKS, MEMORY_TYPE, MEMORY_WORDS, PART_WORDS};
-use tvc_nano::{Axis, Micros, RawSample};
+use tvc_nano::{Micros, RawSample};
 
 use super::{Entry, Event, Flight, Step, whole_us};
 
@@ -23,14 +23,13 @@ pub struct Assembly {
     memory: Vec<i32>,
 }
 
-/// The messages of a step that have come so far.
+/// A step of which not all messages have come.
 #[derive(Clone, Copy, Debug)]
 struct Part {
-    quaternion: [f32; 4],
-    rate_rad_s: [f32; 3],
-    servo: Option<(u32, [u16; Axis::COUNT])>,
-    sample: Option<RawSample>,
-    cranks_rad: [Option<f32>; Axis::COUNT],
+    /// What has come of it, without its time.
+    step: Step,
+    /// The lower bits of its time, us, once its pulses have come.
+    low_us: Option<u32>,
 }
 
 impl Assembly {
@@ -58,7 +57,8 @@ impl Assembly {
         let event = match message {
             MavMessage::SERVO_OUTPUT_RAW(m) => {
                 if let Some(part) = &mut self.part {
-                    part.servo = Some((m.time_usec, [m.servo1_raw, m.servo2_raw]));
+                    part.low_us = Some(m.time_usec);
+                    part.step.pulses_us = [m.servo1_raw, m.servo2_raw];
                 }
                 return;
             }
@@ -66,7 +66,7 @@ impl Assembly {
                 if let Some(part) = &mut self.part
                     && m.time_usec < LATEST_US
                 {
-                    part.sample = Some(RawSample {
+                    part.step.sample = Some(RawSample {
                         time: Micros(m.time_usec),
                         acc: [m.xacc, m.yacc, m.zacc],
                         gyr: [m.xgyro, m.ygyro, m.zgyro],
@@ -80,7 +80,7 @@ impl Assembly {
                 if let Some(part) = &mut self.part
                     && let Some(axis) = axis
                 {
-                    part.cranks_rad[axis] = Some(m.value);
+                    part.step.cranks_rad[axis] = Some(m.value);
                 }
                 return;
             }
@@ -91,13 +91,15 @@ impl Assembly {
             }
             MavMessage::ATTITUDE_QUATERNION(m) => {
                 self.close(false);
-                self.part = Some(Part {
+                let step = Step {
+                    now_us: 0,
+                    sample: None,
                     quaternion: [m.q1, m.q2, m.q3, m.q4],
                     rate_rad_s: [m.rollspeed, m.pitchspeed, m.yawspeed],
-                    servo: None,
-                    sample: None,
                     cranks_rad: [None; 2],
-                });
+                    pulses_us: [0; 2],
+                };
+                self.part = Some(Part { step, low_us: None });
                 return;
             }
             MavMessage::HEARTBEAT(m) => Event::State(m.custom_mode),
@@ -145,25 +147,15 @@ impl Assembly {
     /// A step whose messages have all come. One at a gap may have lost its sample's message, and
     /// counts only with it.
     fn close(&mut self, at_gap: bool) {
-        let Some(part) = self.part.take() else {
+        let Some(Part { step, low_us: Some(low_us) }) = self.part.take() else {
             return;
         };
-        let Some((time_us, pulses_us)) = part.servo else {
-            return;
-        };
-        if at_gap && part.sample.is_none() {
+        if at_gap && step.sample.is_none() {
             return;
         }
-        let sampled_us = part.sample.map(|sample| sample.time.0);
-        let now_us = whole_us(time_us, sampled_us.or(self.clock).unwrap_or(0));
+        let sampled_us = step.sample.map(|sample| sample.time.0);
+        let now_us = whole_us(low_us, sampled_us.or(self.clock).unwrap_or(0));
         self.clock = Some(now_us);
-        self.flight.events.push(Event::Step(Step {
-            now_us,
-            sample: part.sample,
-            quaternion: part.quaternion,
-            rate_rad_s: part.rate_rad_s,
-            cranks_rad: part.cranks_rad,
-            pulses_us,
-        }));
+        self.flight.events.push(Event::Step(Step { now_us, ..step }));
     }
 }

@@ -37,83 +37,59 @@ const TRANSFORM_US: u64 = 30_000;
 /// Difference of the clocks from which the vehicle counts as restarted, us.
 const CLOCK_STEP_US: u64 = 1_000_000;
 
-/// A topic: its name, its schema's name, its fields and their JSON types.
-struct Topic(&'static str, &'static str, &'static [(&'static str, &'static str)]);
+/// A topic: its name, its schema's name, and its fields by their JSON types.
+struct Topic(&'static str, &'static str, &'static [(&'static str, &'static [&'static str])]);
 
 const NUMBER: &str = "number";
 const INTEGER: &str = "integer";
 const STRING: &str = "string";
 const OBJECT: &str = "object";
 
+/// Names of the fields of `/attitude`.
+const ATTITUDE: [&str; 10] = [
+    "q_w",
+    "q_x",
+    "q_y",
+    "q_z",
+    "roll_deg",
+    "pitch_deg",
+    "yaw_deg",
+    "roll_rate_deg_s",
+    "pitch_rate_deg_s",
+    "yaw_rate_deg_s",
+];
+/// Names of the fields of `/counts`.
+const COUNTS: [&str; 9] =
+    ["acc_x", "acc_y", "acc_z", "gyr_x", "gyr_y", "gyr_z", "mag_x", "mag_y", "mag_z"];
+
 /// The topics, in the order of [`Kind`].
 const TOPICS: [Topic; 9] = [
-    Topic(
-        "/attitude",
-        "tvc.Attitude",
-        &[
-            ("q_w", NUMBER),
-            ("q_x", NUMBER),
-            ("q_y", NUMBER),
-            ("q_z", NUMBER),
-            ("roll_deg", NUMBER),
-            ("pitch_deg", NUMBER),
-            ("yaw_deg", NUMBER),
-            ("roll_rate_deg_s", NUMBER),
-            ("pitch_rate_deg_s", NUMBER),
-            ("yaw_rate_deg_s", NUMBER),
-        ],
-    ),
-    Topic("/servo", "tvc.Servo", &[("pulse_us", INTEGER), ("pulse2_us", INTEGER)]),
-    Topic(
-        "/counts",
-        "tvc.Counts",
-        &[
-            ("acc_x", INTEGER),
-            ("acc_y", INTEGER),
-            ("acc_z", INTEGER),
-            ("gyr_x", INTEGER),
-            ("gyr_y", INTEGER),
-            ("gyr_z", INTEGER),
-            ("mag_x", INTEGER),
-            ("mag_y", INTEGER),
-            ("mag_z", INTEGER),
-        ],
-    ),
-    Topic("/command", "tvc.Command", &[("crank_deg", NUMBER)]),
-    Topic("/state", "tvc.State", &[("state", STRING), ("code", INTEGER)]),
+    Topic("/attitude", "tvc.Attitude", &[(NUMBER, &ATTITUDE)]),
+    Topic("/servo", "tvc.Servo", &[(INTEGER, &["pulse_us", "pulse2_us"])]),
+    Topic("/counts", "tvc.Counts", &[(INTEGER, &COUNTS)]),
+    Topic("/command", "tvc.Command", &[(NUMBER, &["crank_deg"])]),
+    Topic("/state", "tvc.State", &[(STRING, &["state"]), (INTEGER, &["code"])]),
     Topic(
         "/health",
         "tvc.Health",
-        &[
-            ("load", NUMBER),
-            ("dropped", INTEGER),
-            ("missed", INTEGER),
-            ("bus_errors", INTEGER),
-            ("bus_recoveries", INTEGER),
-        ],
+        &[(NUMBER, &["load"]), (INTEGER, &["dropped", "missed", "bus_errors", "bus_recoveries"])],
     ),
-    Topic("/parameter", "tvc.Parameter", &[("name", STRING), ("value", NUMBER)]),
+    Topic("/parameter", "tvc.Parameter", &[(STRING, &["name"]), (NUMBER, &["value"])]),
     Topic(
         "/log",
         "foxglove.Log",
         &[
-            ("timestamp", OBJECT),
-            ("level", INTEGER),
-            ("message", STRING),
-            ("name", STRING),
-            ("file", STRING),
-            ("line", INTEGER),
+            (OBJECT, &["timestamp"]),
+            (INTEGER, &["level", "line"]),
+            (STRING, &["message", "name", "file"]),
         ],
     ),
     Topic(
         "/tf",
         "foxglove.FrameTransform",
         &[
-            ("timestamp", OBJECT),
-            ("parent_frame_id", STRING),
-            ("child_frame_id", STRING),
-            ("translation", OBJECT),
-            ("rotation", OBJECT),
+            (OBJECT, &["timestamp", "translation", "rotation"]),
+            (STRING, &["parent_frame_id", "child_frame_id"]),
         ],
     ),
 ];
@@ -483,9 +459,11 @@ impl Clock {
 }
 
 /// JSON schema of an object with these fields.
-fn describe(fields: &[(&str, &str)]) -> Value {
-    let properties: serde_json::Map<_, _> =
-        fields.iter().map(|(name, kind)| ((*name).to_owned(), json!({ "type": kind }))).collect();
+fn describe(fields: &[(&str, &[&str])]) -> Value {
+    let mut properties = serde_json::Map::new();
+    for (kind, names) in fields {
+        properties.extend(names.iter().map(|name| ((*name).to_owned(), json!({ "type": kind }))));
+    }
     json!({ "type": "object", "properties": properties })
 }
 

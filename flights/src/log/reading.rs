@@ -1,13 +1,13 @@
 //! Logs read from their beginning to their end, of which no more than a piece is in memory.
 
 use std::collections::BTreeMap;
-use std::io::{self, Read};
+use std::io::Read;
 use std::path::Path;
 
 use anyhow::Result;
 use client::{LinkCounts, Wire};
 
-use super::{Entry, Frames, MCAP_MAGIC, is_from_vehicle, unpacked, unreadable};
+use super::{Entry, Frames, MCAP_MAGIC, is_from_vehicle, tlog_of, unreadable};
 use report::exit::BadInput;
 use report::input;
 
@@ -37,18 +37,13 @@ pub fn each_message(path: &Path, mut each: impl FnMut(Entry)) -> Result<LinkCoun
 pub fn each_frame(path: &Path, each: impl FnMut(u64, &[u8]) -> Result<()>) -> Result<u64> {
     let refuse = |error| unreadable(path, &error);
     let mut file = input::open(path, input::LOG).map_err(refuse)?;
-    let mut head = vec![0; MCAP_MAGIC.len()];
-    let length = fill(&mut file, &mut head).map_err(refuse)?;
-    head.truncate(length);
+    let mut head = Vec::new();
+    file.by_ref().take(MCAP_MAGIC.len() as u64).read_to_end(&mut head).map_err(refuse)?;
     if head != MCAP_MAGIC {
         return pieces(head.as_slice().chain(file), PIECE, path, each);
     }
     file.read_to_end(&mut head).map_err(refuse)?;
-    let (bytes, cut) = unpacked(head, path)?;
-    if let Some(why) = cut {
-        eprintln!("{} is read as far as it goes: {why}", path.display());
-    }
-    pieces(bytes.as_slice(), PIECE, path, each)
+    pieces(tlog_of(head, path)?.as_slice(), PIECE, path, each)
 }
 
 /// The frames of a `.tlog`, `piece` bytes at a time.
@@ -60,12 +55,8 @@ fn pieces(
 ) -> Result<u64> {
     let (mut held, mut stray_bytes) = (Vec::new(), 0);
     loop {
-        let before = held.len();
-        held.resize(before + piece, 0);
-        let length = fill(&mut source, &mut held[before..]);
-        let length = length.map_err(|error| unreadable(path, &error))?;
-        held.truncate(before + length);
-        let is_last = length < piece;
+        let read = source.by_ref().take(piece as u64).read_to_end(&mut held);
+        let is_last = read.map_err(|error| unreadable(path, &error))? < piece;
         let mut frames = Frames::of(&held);
         // What may be the beginning of a frame waits for the rest of it.
         while is_last || frames.bytes.len() >= LONGEST {
@@ -81,20 +72,6 @@ fn pieces(
         }
         held.drain(..held.len() - rest);
     }
-}
-
-/// Reads until the buffer is full or the source has ended; how many bytes.
-fn fill(source: &mut impl Read, mut buffer: &mut [u8]) -> io::Result<usize> {
-    let wanted = buffer.len();
-    while !buffer.is_empty() {
-        match source.read(buffer) {
-            Ok(0) => break,
-            Ok(count) => buffer = &mut buffer[count..],
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(wanted - buffer.len())
 }
 
 /// Makes messages of frames, and counts what is missing.

@@ -72,22 +72,20 @@ impl Flight {
     /// [`BadInput`] if there is none, or more than one to choose from.
     pub fn release(&self, number: Option<usize>) -> Result<Release<'_>, BadInput> {
         let mut releases = self.releases();
-        let there_are = match releases.len() {
+        let count = releases.len();
+        let there_are = match count {
             0 => "there is no release".to_owned(),
             1 => "there is one release".to_owned(),
-            count => format!("there are {count} releases"),
+            _ => format!("there are {count} releases"),
         };
-        match number {
-            Some(number) if (1..=releases.len()).contains(&number) => {
-                Ok(releases.swap_remove(number - 1))
+        Err(BadInput::new(match number.or((count == 1).then_some(1)) {
+            Some(number) if (1..=count).contains(&number) => {
+                return Ok(releases.swap_remove(number - 1));
             }
-            Some(number) if !releases.is_empty() => {
-                Err(BadInput::new(format!("{there_are}, none of number {number}")))
-            }
-            None if releases.len() == 1 => Ok(releases.swap_remove(0)),
-            _ if releases.is_empty() => Err(BadInput::new(there_are)),
-            _ => Err(BadInput::new(format!("{there_are}: choose one with --release"))),
-        }
+            _ if count == 0 => there_are,
+            Some(number) => format!("{there_are}, none of number {number}"),
+            None => format!("{there_are}: choose one with --release"),
+        }))
     }
 }
 

@@ -20,18 +20,16 @@ pub fn span_us(path: &Path) -> Option<(u64, u64)> {
     }
     let mut file = File::open(path).ok()?;
     let length = file.metadata().ok()?.len();
-    let first = times(&mut file, 0)?.next()?;
-    let last = times(&mut file, length.saturating_sub(END))?.last()?;
+    let first = *times(&mut file, 0)?.first()?;
+    let last = *times(&mut file, length.saturating_sub(END))?.last()?;
     (first.max(last) < LATEST_US).then_some((first, last))
 }
 
-fn times(file: &mut File, from: u64) -> Option<impl Iterator<Item = u64>> {
+fn times(file: &mut File, from: u64) -> Option<Vec<u64>> {
     file.seek(SeekFrom::Start(from)).ok()?;
     let mut bytes = Vec::new();
     file.take(END).read_to_end(&mut bytes).ok()?;
-    let frames = Frames { bytes: &bytes, stray_bytes: 0 };
-    let times: Vec<u64> = frames.map(|(time_us, _)| time_us).collect();
-    Some(times.into_iter())
+    Some(Frames::of(&bytes).map(|(time_us, _)| time_us).collect())
 }
 
 #[cfg(test)]

@@ -68,10 +68,8 @@ impl Writer {
 
     fn of(path: &Path, tool: &str, file: File, beside: Option<TempPath>) -> Result<Self> {
         let form = if has_extension(path, "mcap") {
-            Form::Mcap(Box::new(
-                mcap::Writer::new(file, tool)
-                    .with_context(|| format!("writing {}", path.display()))?,
-            ))
+            let file = mcap::Writer::new(file, tool).with_context(|| writing(path))?;
+            Form::Mcap(Box::new(file))
         } else {
             Form::Tlog(BufWriter::new(file))
         };
@@ -98,7 +96,7 @@ impl Writer {
                 .map_err(anyhow::Error::from),
             Form::Mcap(file) => file.write(time_us, frame).map_err(anyhow::Error::from),
         };
-        written.with_context(|| format!("writing {}", self.path.display()))
+        written.with_context(|| writing(&self.path))
     }
 
     /// Hands what was written so far to the system, so that it survives the end of this program. An
@@ -107,12 +105,10 @@ impl Writer {
     /// # Errors
     /// The file cannot be written.
     pub fn flush(&mut self) -> Result<()> {
-        match &mut self.form {
-            Form::Tlog(file) => {
-                file.flush().with_context(|| format!("writing {}", self.path.display()))
-            }
-            Form::Mcap(_) => Ok(()),
+        if let Form::Tlog(file) = &mut self.form {
+            file.flush().with_context(|| writing(&self.path))?;
         }
+        Ok(())
     }
 
     /// Ends the log.
@@ -121,9 +117,8 @@ impl Writer {
     /// The file cannot be written.
     pub fn end(mut self) -> Result<()> {
         self.flush()?;
-        let writing = || format!("writing {}", self.path.display());
         if let Form::Mcap(file) = self.form {
-            file.end().with_context(writing)?;
+            file.end().with_context(|| writing(&self.path))?;
         }
         let Some(beside) = self.beside else {
             return Ok(());
@@ -132,6 +127,11 @@ impl Writer {
             file::for_everybody(&beside).and_then(|()| Ok(beside.persist_noclobber(&self.path)?));
         Ok(placed.map_err(|error| unwritable(&self.path, &error))?)
     }
+}
+
+/// What failed where a log cannot be written.
+fn writing(path: &Path) -> String {
+    format!("writing {}", path.display())
 }
 
 /// Why there is no such log.

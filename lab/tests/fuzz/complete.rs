@@ -22,7 +22,7 @@ const FOLDERS: [&str; 10] = [
 ];
 
 /// What reads.
-const WORDS: [&str; 15] = [
+const WORDS: [&str; 16] = [
     "File::open(",
     "Wire::default()",
     "csv::Reader",
@@ -30,6 +30,7 @@ const WORDS: [&str; 15] = [
     "from_reader(",
     "fs::read(",
     "input::bytes(",
+    "input::file_text(",
     "input::open(",
     "input::text(",
     "json::from_str(",

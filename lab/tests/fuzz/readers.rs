@@ -165,7 +165,7 @@ pub const READERS: &[Reader] = &[
         own_bytes: 512 * KIB,
         times: 100,
         read: files::scenario,
-        sources: &["design/src/model/mod.rs", "plant/src/scenario/mod.rs"],
+        sources: &["design/src/model/simulate.rs", "plant/src/scenario/mod.rs"],
     },
     Reader {
         name: "drone",
@@ -174,7 +174,11 @@ pub const READERS: &[Reader] = &[
         own_bytes: 4 * MIB,
         times: 100,
         read: files::drone,
-        sources: &["plant/src/setup.rs", "design/src/control_law.rs"],
+        sources: &[
+            "plant/src/setup.rs",
+            "design/src/control_law.rs",
+            "design/src/model/linear/mod.rs",
+        ],
     },
     Reader {
         name: "case",

@@ -10,9 +10,9 @@ use plant::linear::{StateSpace, equilibrium, equilibrium_at_crank, linearise};
 use plant::pitch_loop::Timing;
 use plant::{Mechanism, Parameters, ServoModel, Setup};
 
-use super::read;
 use crate::model::Linear;
 use ::report::exit::{BadInput, Verdict};
+use ::report::input;
 use rig::ServoKind;
 
 /// Frames shorter than this (s) belong to a digital servo, whose gains are higher.
@@ -49,10 +49,8 @@ fn analyse(options: &Linear) -> Result<Analysis, BadInput> {
     let setup = setup(options)?;
     let mechanism = Mechanism::new(&setup.drone).map_err(BadInput::new)?;
     let (point, torque_n_m) = point(options, &mechanism)?;
-    let gains = options.gains.unwrap_or_else(|| {
-        let fast = setup.timing.frame_s < FAST_FRAME_S;
-        GAINS[usize::from(fast)]
-    });
+    let fast = setup.timing.frame_s < FAST_FRAME_S;
+    let gains = options.gains.unwrap_or(GAINS[usize::from(fast)]);
     Ok(Analysis {
         point,
         torque_n_m,
@@ -67,8 +65,9 @@ fn analyse(options: &Linear) -> Result<Analysis, BadInput> {
 fn setup(options: &Linear) -> Result<Setup, BadInput> {
     let mut setup = match &options.drone {
         None => Setup::default(),
-        Some(path) => Setup::parse(&read(path)?)
-            .map_err(|error| BadInput::new(format!("{}: {error}", path.display())))?,
+        Some(path) => {
+            Setup::parse(&input::file_text(path)?).map_err(|error| BadInput::of(path, error))?
+        }
     };
     let preset = options.preset.as_deref().and_then(Parameters::preset);
     setup.drone = preset.unwrap_or(setup.drone);
@@ -99,17 +98,15 @@ fn point(options: &Linear, mechanism: &Mechanism) -> Result<(State, f64), BadInp
         return Ok((upright(linkage.zero_rudder_crank_rad()), 0.0));
     };
     // Beyond the dead points the rudder turns back, and a rudder angle has no one crank angle.
-    let within = match linkage.dead_points() {
-        Some(((low, _), (high, _))) => (low..high).contains(&crank_rad),
-        None => linkage.closes_at(crank_rad),
+    let (within, range) = match linkage.dead_points() {
+        Some(((low, _), (high, _))) => {
+            ((low..high).contains(&crank_rad), format!("{low:.3} to {high:.3} rad"))
+        }
+        None => (linkage.closes_at(crank_rad), "where the linkage closes".into()),
     };
     if !within {
         return Err(BadInput::new(format!(
-            "--at {crank_rad}: the rudder follows the crank between its dead points only, {}",
-            match linkage.dead_points() {
-                Some(((low, _), (high, _))) => format!("{low:.3} to {high:.3} rad"),
-                None => "where the linkage closes".into(),
-            }
+            "--at {crank_rad}: the rudder follows the crank between its dead points only, {range}"
         )));
     }
     Ok(match equilibrium_at_crank(mechanism, crank_rad) {

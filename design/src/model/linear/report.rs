@@ -138,23 +138,18 @@ fn locus_lines<'a>(
     gain: f64,
 ) -> Vec<Line<'a>> {
     let locus = open.root_locus(gains_around(gain.abs()).map(|g| g * gain.signum()));
-    branches(&locus).into_iter().map(|points| Line::new(name, colour, points)).collect()
-}
-
-/// Gives the branches one entry in the legend: all but the first lose their name.
-fn named_once(mut lines: Vec<Line<'_>>) -> Vec<Line<'_>> {
-    for line in lines.iter_mut().skip(1) {
-        line.name = "";
-    }
-    lines
+    // The branches have one entry in the legend, that of the first.
+    let names = std::iter::once(name).chain(std::iter::repeat(""));
+    let lines = names.zip(branches(&locus));
+    lines.map(|(name, points)| Line::new(name, colour, points)).collect()
 }
 
 /// What pitch alone, fed back to a torque, can do: the thesis' controller.
 fn torque_locus(analysis: &Analysis) -> Result<Markup> {
     let open = analysis.model.transfer_function();
     let (poles, zeros) = (open.poles(), open.zeros());
-    let mut lines = named_once(locus_lines(&open, "torque = -k pitch, k > 0", 0, 1.0));
-    lines.extend(named_once(locus_lines(&open, "k < 0", 1, -1.0)));
+    let mut lines = locus_lines(&open, "torque = -k pitch, k > 0", 0, 1.0);
+    lines.extend(locus_lines(&open, "k < 0", 1, -1.0));
     Ok(figure(
         "Root locus of a torque in proportion to pitch, gains of 0.001 to 1000 N m/rad of either \
          sign. A branch in the right half plane is a drone that runs away: pitch alone does not \
@@ -187,56 +182,39 @@ fn loop_locus(analysis: &Analysis) -> Result<Markup> {
 
 fn bode(analysis: &Analysis) -> Result<Markup> {
     let response = analysis.open.response(BODE.0, BODE.1, POINTS);
-    let curve = |of: fn(&Response) -> f64| -> Vec<(f64, f64)> {
-        response.iter().map(|r| (r.rad_s, of(r))).collect()
-    };
-    let plot = |y, points, level: f64, name| {
-        let level = vec![(BODE.0, level), (BODE.1, level)];
-        let lines = vec![Line::new("open loop", 0, points), Line::new(name, 4, level)];
-        Plot::new("frequency, rad/s", y, lines)
-    };
     let margins = analysis.open.margins();
-    let at = |place: Option<f64>, value: fn(&Response) -> f64| -> Vec<(f64, f64)> {
-        let Some(place) = place else {
-            return Vec::new();
-        };
-        let near = |r: &&Response| (r.rad_s / place).ln().abs();
-        response
-            .iter()
-            .min_by(|a, b| near(a).total_cmp(&near(b)))
-            .map(|r| (r.rad_s, value(r)))
-            .into_iter()
-            .collect()
+    let nearest = |rad_s: f64| {
+        let far = |r: &&Response| (r.rad_s / rad_s).ln().abs();
+        response.iter().min_by(|a, b| far(a).total_cmp(&far(b)))
     };
-    let look = |phase: bool| {
-        let value: fn(&Response) -> f64 = if phase { |r| r.phase_deg } else { |r| r.gain_db };
-        let dot = |name, colour, place| Marks {
+    let plot = |y_label, y, (level, level_name), value: fn(&Response) -> f64| {
+        let point = |r: &Response| (r.rad_s, value(r));
+        let lines = vec![
+            Line::new("open loop", 0, response.iter().map(point).collect()),
+            Line::new(level_name, 4, vec![(BODE.0, level), (BODE.1, level)]),
+        ];
+        let dot = |name, colour, rad_s: Option<f64>| Marks {
             name,
             colour,
             shape: Shape::Dot,
-            points: at(place, value),
+            points: rad_s.and_then(nearest).map(point).into_iter().collect(),
         };
-        Look {
-            log_x: true,
-            y: (!phase).then_some((-60.0, 60.0)),
-            marks: vec![
-                dot("gain margin", 5, margins.gain.map(|m| m.at_rad_s)),
-                dot("phase margin", 2, margins.phase.map(|m| m.at_rad_s)),
-            ],
-            ..Look::default()
-        }
+        let marks = vec![
+            dot("gain margin", 5, margins.gain.map(|m| m.at_rad_s)),
+            dot("phase margin", 2, margins.phase.map(|m| m.at_rad_s)),
+        ];
+        let look = Look { log_x: true, y, marks, ..Look::default() };
+        Plot::new("frequency, rad/s", y_label, lines).svg_as(&look)
     };
-    let gain = plot("gain, dB", curve(|r| r.gain_db), 0.0, "unity gain");
-    let phase = plot("phase, deg", curve(|r| r.phase_deg), -180.0, "-180 deg");
     Ok(html! {
         (figure(
             "Gain of the open loop, with its margins.",
-            gain.svg_as(&look(false))?,
+            plot("gain, dB", Some((-60.0, 60.0)), (0.0, "unity gain"), |r| r.gain_db)?,
         ))
         (figure(
             "Phase of the open loop, delays included. It jumps by 180 deg at the zeros on the imaginary \
              axis, where the rudder's inertia cancels its force.",
-            phase.svg_as(&look(true))?,
+            plot("phase, deg", None, (-180.0, "-180 deg"), |r| r.phase_deg)?,
         ))
     })
 }

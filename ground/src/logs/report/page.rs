@@ -116,7 +116,7 @@ fn whole(flight: &Flight, servo: &ServoMap) -> Result<Markup> {
         true => "Pitch and the servo angle commanded.",
         false => "Pitch and the servo angle commanded. Shaded: the estimate begins anew.",
     };
-    let plot = plot.with_stretches(stretches);
+    let plot = Plot { stretches, ..plot };
     Ok(html! {
         h2 { "The whole log" }
         (figure(caption, plot.svg()?))
