@@ -4,13 +4,14 @@
 //! counts.
 
 use anyhow::{Result, ensure};
+use rand::Rng;
 use rand::rngs::StdRng;
-use rand::{Rng, SeedableRng};
 use recordings::{Recording, Scalar};
 use tvc_fusion::GRAVITY;
 use tvc_fusion::fixed::Scale;
 
 use super::candidates::Input;
+use super::hard::{self, Sort};
 
 /// Time between two samples, us, for which the images set their filters up.
 const PERIOD_US: u32 = 10_500;
@@ -126,14 +127,6 @@ pub fn recorded(recording: &Recording) -> Result<Vec<Sample>> {
         .collect())
 }
 
-/// A sort of input, and samples of it.
-pub struct Hard {
-    /// What it is, in words.
-    pub name: &'static str,
-    /// Samples, to be given one after the other.
-    pub samples: Vec<Sample>,
-}
-
 /// What changes a plain sample into a hard one.
 type Change = fn(&mut Sample, &mut StdRng);
 
@@ -177,27 +170,11 @@ const HARD: [(&str, Change); 15] = [
 
 /// All sorts of hard input, `length` samples of each, and eight times as many of random sorts. They
 /// are made of the `plain` samples, of which there must be at least one.
-pub fn hard(plain: &[Sample], length: usize) -> Vec<Hard> {
-    let rng = &mut StdRng::seed_from_u64(1);
-    let sample = |index: usize, change: Change, rng: &mut StdRng| {
-        let mut sample = plain[index % plain.len()];
+pub fn hard(plain: &[Sample], length: usize) -> Vec<Sort<Sample>> {
+    hard::sorts(plain, &HARD, [length, 8 * length], |change, sample, rng| {
         sample.reference = None;
-        change(&mut sample, rng);
-        sample
-    };
-    let mut all: Vec<_> = HARD
-        .iter()
-        .map(|&(name, change)| Hard {
-            name,
-            samples: (0..length).map(|i| sample(i, change, rng)).collect(),
-        })
-        .collect();
-    let mixed = (0..8 * length).map(|i| {
-        let (_, change) = HARD[rng.random_range(0..HARD.len())];
-        sample(i, change, rng)
-    });
-    all.push(Hard { name: "all sorts by turns", samples: mixed.collect() });
-    all
+        change(sample, rng);
+    })
 }
 
 fn sign(rng: &mut StdRng) -> i16 {
