@@ -1,5 +1,7 @@
 //! An image of the package `cycles` on the emulated chip: one update at a time.
 
+use std::ops::Range;
+
 use anyhow::{Context, Result, bail, ensure};
 use rig::Image;
 use samd21::board::{Ticks, Unconnected};
@@ -30,8 +32,8 @@ pub struct Bench {
     /// Address of the filter's direction of up.
     up: u32,
     asked: Registers,
-    /// First address of RAM behind the variables.
-    free: u32,
+    /// Where in RAM the stack lies, behind the variables.
+    stack: Range<usize>,
 }
 
 impl Bench {
@@ -47,10 +49,9 @@ impl Bench {
         ensure!(input + 4 * WORDS <= image.sizes().static_ram as usize, "INPUT is no variable");
         run_to(&mut chip, ASKED)?;
         let asked = chip.registers();
-        let free = RAM_BASE + image.sizes().static_ram;
-        let stack = (free - RAM_BASE) as usize..(asked.msp - RAM_BASE) as usize;
-        chip.ram_mut()[stack].fill(PAINT);
-        Ok(Self { input, up: symbol("UP")?, chip, asked, free })
+        let stack = image.sizes().static_ram as usize..(asked.msp - RAM_BASE) as usize;
+        chip.ram_mut()[stack.clone()].fill(PAINT);
+        Ok(Self { input, up: symbol("UP")?, chip, asked, stack })
     }
 
     /// Cycles of the update with this sample.
@@ -86,13 +87,10 @@ impl Bench {
 
     /// Depth of the stack below the call that the updates so far have used, bytes.
     pub fn stack_bytes(&self) -> u32 {
-        let (free, top) = (self.free - RAM_BASE, self.asked.msp - RAM_BASE);
-        let painted = self.chip.ram()[free as usize..top as usize]
-            .iter()
-            .take_while(|byte| **byte == PAINT)
-            .count() as u32;
+        let stack = &self.chip.ram()[self.stack.clone()];
+        let painted = stack.iter().take_while(|byte| **byte == PAINT).count();
         // The stack is used in words.
-        (top - free - painted).next_multiple_of(4)
+        ((stack.len() - painted) as u32).next_multiple_of(4)
     }
 }
 
