@@ -9,13 +9,14 @@ use samd21::chip::{Registers, Stop};
 use samd21::memory::RAM_BASE;
 use samd21::{Chip, Options};
 
-use super::inputs::WORDS;
-
 /// Breakpoints of the image: it waits for a sample, the update is over, UP is written, it panicked.
 const ASKED: u16 = 0xBE00;
 const OVER: u16 = 0xBE01;
 const UP_KNOWN: u16 = 0xBE02;
 const PANIC: u16 = 0xBE03;
+
+/// Words that an image has room for, at most, in what an update is given.
+const WORDS: usize = 10;
 
 /// Time limit of an update and of the start; both take less.
 const PATIENCE: Ticks = Ticks(20 * Ticks::PER_SECOND);
@@ -54,8 +55,8 @@ impl Bench {
         Ok(Self { input, up: symbol("UP")?, chip, asked, stack })
     }
 
-    /// Cycles of the update with this sample.
-    pub fn update(&mut self, words: &[u32; WORDS]) -> Result<u64> {
+    /// Cycles of the update with this sample or reading, of at most [`WORDS`] words.
+    pub fn update(&mut self, words: &[u32]) -> Result<u64> {
         let (memory, _) = self.chip.ram_mut()[self.input..].as_chunks_mut();
         for (place, word) in memory.iter_mut().zip(words) {
             *place = word.to_le_bytes();

@@ -10,7 +10,6 @@ use tvc_pid::{Controller, Pd, Pid, Q16, Surface};
 
 use super::Run;
 use super::bench::Bench;
-use super::inputs::WORDS;
 use super::readings::{self, Hard, Step};
 
 /// One law in one scalar.
@@ -113,10 +112,7 @@ fn run_image(
 
 /// Gives the chip what the host was given, and compares what they put out.
 fn update(law: &Law, bench: &mut Bench, step: &Step, (index, name): (usize, &str)) -> Result<u64> {
-    let mut words = [0; WORDS];
-    let input = step.input.words();
-    words[..input.len()].copy_from_slice(&input);
-    let cycles = bench.update(&words)?;
+    let cycles = bench.update(&step.input.words())?;
     let (chip, host) = (bench.returned(), step.output);
     ensure!(
         law.is_same(chip, host),
