@@ -13,10 +13,6 @@ pub const PERIOD_S: f32 = 6_667.0e-6;
 // An analog servo of the S3003 class and the gains that the firmware has for it by default.
 const KP: f32 = 1.9;
 const KD: f32 = 0.435;
-const PLANT_GAIN: f32 = 31.6;
-const ACTUATOR_RATE: f32 = 5.5;
-const TRIM_RAD_S: f32 = 2.229;
-const TRIM_LIMIT: f32 = 0.25;
 /// 60 deg.
 const LIMIT: f32 = 1.047;
 
@@ -31,15 +27,15 @@ pub fn pid() -> Config {
     }
 }
 
-/// Configuration of a switching surface.
+/// Configuration of a switching surface, for the same servo.
 pub fn surface() -> SurfaceConfig {
     SurfaceConfig {
         period_s: PERIOD_S,
-        plant_gain: PLANT_GAIN,
+        plant_gain: 31.6,
         // A tick's lead of 5700 us, and a pulse in the middle.
         effect_s: 7_223.6e-6,
         sensor_lag_s: 3.4e-3,
-        actuator_rate: ACTUATOR_RATE,
+        actuator_rate: 5.5,
         actuator_loop_s: 0.02883,
         actuator_lag_s: 0.01043,
         actuator_play: 0.003107,
@@ -50,8 +46,8 @@ pub fn surface() -> SurfaceConfig {
         curve: 0.8472,
         rate_share: 0.9056,
         value_share: 0.8523,
-        trim_rad_s: TRIM_RAD_S,
-        trim_limit: TRIM_LIMIT,
+        trim_rad_s: 2.229,
+        trim_limit: 0.25,
         limit: LIMIT,
     }
 }

@@ -386,11 +386,20 @@ impl Figures {
 
     /// Everything for a terminal: the tables, then the lines, then the notes.
     pub fn text(&self) -> String {
+        self.in_words(Table::text)
+    }
+
+    /// The same with tables as Markdown.
+    pub fn markdown(&self) -> String {
+        self.in_words(Table::markdown)
+    }
+
+    fn in_words(&self, of_table: fn(&Table) -> String) -> String {
         let tables = self.0.iter().map(Figure::table).chain([self.lines()]);
         let texts = tables.filter(|table| !table.is_empty());
         let notes = self.0.iter().filter(|figure| figure.label.is_empty());
         let notes = notes.filter_map(|note| Some(format!("{}\n", note.words.as_ref()?)));
-        let texts: Vec<String> = texts.map(|table| table.text()).chain(notes).collect();
+        let texts: Vec<String> = texts.map(|table| of_table(&table)).chain(notes).collect();
         texts.join("\n")
     }
 

@@ -1,7 +1,7 @@
 //! Tables of texts, for a terminal and for a page.
 
-use comfy_table::presets::NOTHING;
-use comfy_table::{CellAlignment, Table as Terminal};
+use comfy_table::presets::{ASCII_MARKDOWN, NOTHING};
+use comfy_table::{CellAlignment, Table as Terminal, TableStyle};
 use maud::{Markup, html};
 
 /// Width of a head's lines on a terminal, where its words are not longer.
@@ -41,13 +41,23 @@ impl Table {
 
     /// For a terminal, with an end of line behind each row.
     pub fn text(&self) -> String {
+        self.in_style(NOTHING)
+    }
+
+    /// As Markdown, with an end of line behind each row.
+    pub fn markdown(&self) -> String {
+        self.in_style(ASCII_MARKDOWN)
+    }
+
+    fn in_style(&self, style: TableStyle) -> String {
         let mut table = Terminal::new();
-        table.load_style(NOTHING).add_rows(&self.rows);
+        table.load_style(style).add_rows(&self.rows);
         if !self.head.is_empty() {
             table.set_header(self.head.iter().map(|cell| wrapped(cell)));
         }
         if self.right_aligned {
-            let is_number = |cell: &String| cell.parse::<f64>().is_ok();
+            // Some have commas between thousands.
+            let is_number = |cell: &String| cell.replace(',', "").parse::<f64>().is_ok();
             let has_numbers = |at| self.rows.iter().any(|row| row.get(at).is_some_and(is_number));
             for (_, column) in
                 table.column_iter_mut().enumerate().skip(1).filter(|c| has_numbers(c.0))

@@ -1,5 +1,7 @@
 //! An image of the package `cycles` on the emulated chip: one update at a time.
 
+use std::ops::Range;
+
 use anyhow::{Context, Result, bail, ensure};
 use rig::Image;
 use samd21::board::{Ticks, Unconnected};
@@ -7,13 +9,14 @@ use samd21::chip::{Registers, Stop};
 use samd21::memory::RAM_BASE;
 use samd21::{Chip, Options};
 
-use super::inputs::WORDS;
-
 /// Breakpoints of the image: it waits for a sample, the update is over, UP is written, it panicked.
 const ASKED: u16 = 0xBE00;
 const OVER: u16 = 0xBE01;
 const UP_KNOWN: u16 = 0xBE02;
 const PANIC: u16 = 0xBE03;
+
+/// Words that an image has room for, at most, in what an update is given.
+const WORDS: usize = 10;
 
 /// Time limit of an update and of the start; both take less.
 const PATIENCE: Ticks = Ticks(20 * Ticks::PER_SECOND);
@@ -30,8 +33,8 @@ pub struct Bench {
     /// Address of the filter's direction of up.
     up: u32,
     asked: Registers,
-    /// First address of RAM behind the variables.
-    free: u32,
+    /// Where in RAM the stack lies, behind the variables.
+    stack: Range<usize>,
 }
 
 impl Bench {
@@ -47,14 +50,13 @@ impl Bench {
         ensure!(input + 4 * WORDS <= image.sizes().static_ram as usize, "INPUT is no variable");
         run_to(&mut chip, ASKED)?;
         let asked = chip.registers();
-        let free = RAM_BASE + image.sizes().static_ram;
-        let stack = (free - RAM_BASE) as usize..(asked.msp - RAM_BASE) as usize;
-        chip.ram_mut()[stack].fill(PAINT);
-        Ok(Self { input, up: symbol("UP")?, chip, asked, free })
+        let stack = image.sizes().static_ram as usize..(asked.msp - RAM_BASE) as usize;
+        chip.ram_mut()[stack.clone()].fill(PAINT);
+        Ok(Self { input, up: symbol("UP")?, chip, asked, stack })
     }
 
-    /// Cycles of the update with this sample.
-    pub fn update(&mut self, words: &[u32; WORDS]) -> Result<u64> {
+    /// Cycles of the update with this sample or reading, of at most [`WORDS`] words.
+    pub fn update(&mut self, words: &[u32]) -> Result<u64> {
         let (memory, _) = self.chip.ram_mut()[self.input..].as_chunks_mut();
         for (place, word) in memory.iter_mut().zip(words) {
             *place = word.to_le_bytes();
@@ -86,13 +88,10 @@ impl Bench {
 
     /// Depth of the stack below the call that the updates so far have used, bytes.
     pub fn stack_bytes(&self) -> u32 {
-        let (free, top) = (self.free - RAM_BASE, self.asked.msp - RAM_BASE);
-        let painted = self.chip.ram()[free as usize..top as usize]
-            .iter()
-            .take_while(|byte| **byte == PAINT)
-            .count() as u32;
+        let stack = &self.chip.ram()[self.stack.clone()];
+        let painted = stack.iter().take_while(|byte| **byte == PAINT).count();
         // The stack is used in words.
-        (top - free - painted).next_multiple_of(4)
+        ((stack.len() - painted) as u32).next_multiple_of(4)
     }
 }
 

@@ -24,7 +24,7 @@ pub enum Input {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Candidate {
     /// Name; those of other libraries begin with the library's.
-    pub filter: String,
+    pub filter: &'static str,
     /// Crate that it comes from.
     pub library: &'static str,
     /// With or without a magnetometer.
@@ -57,60 +57,40 @@ impl fmt::Display for Candidate {
     }
 }
 
+/// What each library has: library, filter, what it computes in, what an update is given.
+const FILTERS: [(&str, &str, Scalar, Input); 19] = [
+    (OWN, "gyro", Scalar::F32, Input::Si),
+    (OWN, "complementary", Scalar::F32, Input::Si),
+    (OWN, "complementary", Scalar::Fixed, Input::Counts),
+    (OWN, "mahony", Scalar::F32, Input::Si),
+    (OWN, "mahony", Scalar::Fixed, Input::Counts),
+    (OWN, "madgwick", Scalar::F32, Input::Si),
+    (OWN, "madgwick", Scalar::Fixed, Input::Counts),
+    (OWN, "vqf", Scalar::F32, Input::Si),
+    (OWN, "vqf", Scalar::Fixed, Input::Counts),
+    (OWN, "kalman", Scalar::F32, Input::Si),
+    (OWN, "roll-pitch-yaw", Scalar::F32, Input::Quaternion(Scalar::F32)),
+    (OWN, "roll-pitch-yaw", Scalar::Fixed, Input::Quaternion(Scalar::Fixed)),
+    ("ahrs", "ahrs-mahony", Scalar::F32, Input::Si),
+    ("ahrs", "ahrs-madgwick", Scalar::F32, Input::Si),
+    ("imu-fusion", "imu-fusion", Scalar::F32, Input::Degrees),
+    ("uf-ahrs", "uf-ahrs-mahony", Scalar::F32, Input::Si),
+    ("uf-ahrs", "uf-ahrs-madgwick", Scalar::F32, Input::Si),
+    ("uf-ahrs", "uf-ahrs-vqf", Scalar::F32, Input::Si),
+    ("vqf-rs", "vqf-rs", Scalar::F32, Input::Si),
+];
+
 /// Everything that can be measured, this project's own first.
 pub fn all() -> Vec<Candidate> {
-    let own_filters = [
-        ("gyro", Scalar::F32),
-        ("complementary", Scalar::F32),
-        ("complementary", Scalar::Fixed),
-        ("mahony", Scalar::F32),
-        ("mahony", Scalar::Fixed),
-        ("madgwick", Scalar::F32),
-        ("madgwick", Scalar::Fixed),
-        ("vqf", Scalar::F32),
-        ("vqf", Scalar::Fixed),
-        ("kalman", Scalar::F32),
-    ];
-    let field = [
-        ("ahrs", "ahrs-mahony", Input::Si),
-        ("ahrs", "ahrs-madgwick", Input::Si),
-        ("imu-fusion", "imu-fusion", Input::Degrees),
-        ("uf-ahrs", "uf-ahrs-mahony", Input::Si),
-        ("uf-ahrs", "uf-ahrs-madgwick", Input::Si),
-        ("uf-ahrs", "uf-ahrs-vqf", Input::Si),
-        ("vqf-rs", "vqf-rs", Input::Si),
-    ];
-    let modes = [Mode::SixD, Mode::NineD];
-    let own_filters = own_filters.iter().flat_map(|&(filter, scalar)| {
-        modes.map(|mode| Candidate {
-            filter: filter.into(),
-            library: OWN,
-            mode,
-            scalar,
-            input: match scalar {
-                Scalar::Fixed => Input::Counts,
-                _ => Input::Si,
-            },
-        })
+    let in_modes = FILTERS.iter().flat_map(|&(library, filter, scalar, input)| {
+        let modes = match input {
+            // An orientation's angles cost the same whichever mode it comes from.
+            Input::Quaternion(_) => &[Mode::NineD][..],
+            _ => &[Mode::SixD, Mode::NineD],
+        };
+        modes.iter().map(move |&mode| Candidate { filter, library, mode, scalar, input })
     });
-    // An orientation's angles cost the same whichever mode it comes from.
-    let angles = [Scalar::F32, Scalar::Fixed].map(|scalar| Candidate {
-        filter: "roll-pitch-yaw".into(),
-        library: OWN,
-        mode: Mode::NineD,
-        scalar,
-        input: Input::Quaternion(scalar),
-    });
-    let field = field.iter().flat_map(|&(library, filter, input)| {
-        modes.map(|mode| Candidate {
-            filter: filter.into(),
-            library,
-            mode,
-            scalar: Scalar::F32,
-            input,
-        })
-    });
-    own_filters.chain(angles).chain(field).collect()
+    in_modes.collect()
 }
 
 #[cfg(test)]

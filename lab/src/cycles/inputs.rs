@@ -3,14 +3,17 @@
 //! Every library gets the same samples, in its own units: those that a BNO055 would give, as
 //! counts.
 
+use std::iter;
+
 use anyhow::{Result, ensure};
+use rand::Rng;
 use rand::rngs::StdRng;
-use rand::{Rng, SeedableRng};
 use recordings::{Recording, Scalar};
 use tvc_fusion::GRAVITY;
 use tvc_fusion::fixed::Scale;
 
 use super::candidates::Input;
+use super::hard::{self, Sort};
 
 /// Time between two samples, us, for which the images set their filters up.
 const PERIOD_US: u32 = 10_500;
@@ -20,9 +23,6 @@ const TOGETHER: usize = 3;
 
 /// How much of the recording is played: 12 s of rest and 10 s of movement.
 const PLAYED_S: f64 = 22.0;
-
-/// Words that an image takes for an update.
-pub const WORDS: usize = 10;
 
 /// One sample as a BNO055 gives it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,7 +45,7 @@ impl Sample {
     }
 
     /// The words that an image takes for it.
-    pub fn words(&self, input: Input) -> [u32; WORDS] {
+    pub fn words(&self, input: Input) -> Vec<u32> {
         let scale = Scale::BNO055;
         match input {
             Input::Si => self.float(scale.gyr_rad_s, scale.acc_m_s2),
@@ -55,39 +55,33 @@ impl Sample {
         }
     }
 
-    fn float(&self, gyr: f32, acc: f32) -> [u32; WORDS] {
-        let axes = |counts: [i16; 3], unit: f32| counts.map(|c| (f32::from(c) * unit).to_bits());
-        let mut words = [0; WORDS];
-        words[0] = (self.dt_us as f32 * 1e-6).to_bits();
-        words[1..4].copy_from_slice(&axes(self.gyr, gyr));
-        words[4..7].copy_from_slice(&axes(self.acc, acc));
-        words[7..].copy_from_slice(&axes(self.mag, Scale::BNO055.mag_ut));
-        words
+    fn float(&self, gyr: f32, acc: f32) -> Vec<u32> {
+        let axes = |counts: [i16; 3], unit: f32| counts.map(|c| f32::from(c) * unit);
+        let mag = axes(self.mag, Scale::BNO055.mag_ut);
+        let vectors = [axes(self.gyr, gyr), axes(self.acc, acc), mag].concat();
+        iter::once(self.dt_us as f32 * 1e-6).chain(vectors).map(f32::to_bits).collect()
     }
 
-    fn counts(&self) -> [u32; WORDS] {
-        let counts: Vec<_> = [self.gyr, self.acc, self.mag].concat();
-        let mut words = [0; WORDS];
-        words[0] = self.dt_us;
-        for (word, pair) in words[1..].iter_mut().zip(counts.chunks(2)) {
+    fn counts(&self) -> Vec<u32> {
+        let counts = [self.gyr, self.acc, self.mag].concat();
+        let pairs = counts.chunks(2).map(|pair| {
             let half = |i: usize| u32::from(pair.get(i).copied().unwrap_or(0) as u16);
-            *word = half(0) | half(1) << 16;
-        }
-        words
+            half(0) | half(1) << 16
+        });
+        iter::once(self.dt_us).chain(pairs).collect()
     }
 
     /// The true orientation, or else one that the counts make.
-    fn quaternion(&self, scalar: Scalar) -> [u32; WORDS] {
+    fn quaternion(&self, scalar: Scalar) -> Vec<u32> {
         let made = [self.gyr[0], self.gyr[1], self.gyr[2], self.acc[0]].map(f64::from);
         let q = self.reference.unwrap_or(made);
         let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
         let q = if norm > 0.0 { q.map(|c| c / norm) } else { [1.0, 0.0, 0.0, 0.0] };
-        let mut words = [0; WORDS];
-        words[..4].copy_from_slice(&q.map(|c| match scalar {
+        let words = q.map(|c| match scalar {
             Scalar::Fixed => (c * f64::from(1 << 30)).round() as i32 as u32,
             _ => (c as f32).to_bits(),
-        }));
-        words
+        });
+        words.to_vec()
     }
 }
 
@@ -124,14 +118,6 @@ pub fn recorded(recording: &Recording) -> Result<Vec<Sample>> {
             }
         })
         .collect())
-}
-
-/// A sort of input, and samples of it.
-pub struct Hard {
-    /// What it is, in words.
-    pub name: &'static str,
-    /// Samples, to be given one after the other.
-    pub samples: Vec<Sample>,
 }
 
 /// What changes a plain sample into a hard one.
@@ -177,27 +163,11 @@ const HARD: [(&str, Change); 15] = [
 
 /// All sorts of hard input, `length` samples of each, and eight times as many of random sorts. They
 /// are made of the `plain` samples, of which there must be at least one.
-pub fn hard(plain: &[Sample], length: usize) -> Vec<Hard> {
-    let rng = &mut StdRng::seed_from_u64(1);
-    let sample = |index: usize, change: Change, rng: &mut StdRng| {
-        let mut sample = plain[index % plain.len()];
+pub fn hard(plain: &[Sample], length: usize) -> Vec<Sort<Sample>> {
+    hard::sorts(plain, &HARD, [length, 8 * length], |change, sample, rng| {
         sample.reference = None;
-        change(&mut sample, rng);
-        sample
-    };
-    let mut all: Vec<_> = HARD
-        .iter()
-        .map(|&(name, change)| Hard {
-            name,
-            samples: (0..length).map(|i| sample(i, change, rng)).collect(),
-        })
-        .collect();
-    let mixed = (0..8 * length).map(|i| {
-        let (_, change) = HARD[rng.random_range(0..HARD.len())];
-        sample(i, change, rng)
-    });
-    all.push(Hard { name: "all sorts by turns", samples: mixed.collect() });
-    all
+        change(sample, rng);
+    })
 }
 
 fn sign(rng: &mut StdRng) -> i16 {

@@ -10,7 +10,6 @@ use tvc_pid::{Controller, Pd, Pid, Q16, Surface};
 
 use super::Run;
 use super::bench::Bench;
-use super::inputs::WORDS;
 use super::readings::{self, Hard, Step};
 
 /// One law in one scalar.
@@ -96,55 +95,32 @@ fn run_image(
     release: &[Step],
     hard: &[Hard],
 ) -> Result<Run> {
+    let mut run = Run::default();
+    let mut play = |bench: &mut Bench, name, steps: &[Step]| {
+        run.play(bench, name, steps, |bench, index, step| update(law, bench, step, (index, name)))
+    };
     let fresh = Bench::boot(image, wait_states)?;
     let mut bench = fresh.clone();
-    let flight = play(law, &mut bench, "the release", release)?;
-    let mut worst = (flight.max, "the release");
-    let mut stack_bytes = bench.stack_bytes();
+    let total = play(&mut bench, "the release", release)?;
     for sort in hard {
-        for (start, steps) in [(&bench, &sort.after_release), (&fresh, &sort.from_rest)] {
-            let mut bench = start.clone();
-            let played = play(law, &mut bench, sort.name, steps)?;
-            if played.max > worst.0 {
-                worst = (played.max, sort.name);
-            }
-            stack_bytes = stack_bytes.max(bench.stack_bytes());
-        }
+        play(&mut bench.clone(), sort.name, &sort.after_release)?;
+        play(&mut fresh.clone(), sort.name, &sort.from_rest)?;
     }
-    Ok(Run {
-        mean: flight.total as f64 / release.len() as f64,
-        max: worst.0,
-        max_input: worst.1,
-        stack_bytes,
-        tilt_deg: None,
-    })
-}
-
-/// Cycles of several updates.
-struct Played {
-    total: u64,
-    max: u64,
+    run.mean = total as f64 / release.len() as f64;
+    Ok(run)
 }
 
 /// Gives the chip what the host was given, and compares what they put out.
-fn play(law: &Law, bench: &mut Bench, name: &str, steps: &[Step]) -> Result<Played> {
-    let mut played = Played { total: 0, max: 0 };
-    for (index, step) in steps.iter().enumerate() {
-        let mut words = [0; WORDS];
-        let input = step.input.words();
-        words[..input.len()].copy_from_slice(&input);
-        let cycles = bench.update(&words)?;
-        let (chip, host) = (bench.returned(), step.output);
-        ensure!(
-            law.is_same(chip, host),
-            "update {index} of {name}: the chip puts out {} (0x{chip:08x}) and the host {} (0x{host:08x})",
-            (law.number)(chip),
-            (law.number)(host)
-        );
-        played.total += cycles;
-        played.max = played.max.max(cycles);
-    }
-    Ok(played)
+fn update(law: &Law, bench: &mut Bench, step: &Step, (index, name): (usize, &str)) -> Result<u64> {
+    let cycles = bench.update(&step.input.words())?;
+    let (chip, host) = (bench.returned(), step.output);
+    ensure!(
+        law.is_same(chip, host),
+        "update {index} of {name}: the chip puts out {} (0x{chip:08x}) and the host {} (0x{host:08x})",
+        (law.number)(chip),
+        (law.number)(host)
+    );
+    Ok(cycles)
 }
 
 #[cfg(test)]

@@ -7,13 +7,14 @@
 mod bench;
 mod candidates;
 mod figures;
+mod hard;
 mod inputs;
 mod laws;
 mod readings;
 
 use std::collections::BTreeSet;
 use std::fmt::Display;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::thread;
 
 use anyhow::{Context, Result, bail};
@@ -24,11 +25,10 @@ use rig::image::{Builder, Source};
 use bench::Bench;
 use candidates::Candidate;
 use clap::{Args, ValueEnum};
-use figures::{Figures, LawFigures, Report};
-use inputs::{Hard, Sample};
+use hard::Sort;
+use inputs::Sample;
 use laws::Law;
 use report::exit::{BadInput, Verdict};
-use report::file::{print, print_json};
 use report::progress::Progress;
 
 /// Options of `lab cycles`.
@@ -119,41 +119,42 @@ pub fn run(options: &Cycles) -> Result<Verdict> {
     let recording = Recording::open(&workspace.join("tests/data/broad_11_cut.imuq"))?;
     let recorded = inputs::recorded(&recording)?;
     let builder = Builder::new(&mut |line| eprintln!("{line}"))?;
-    let maker = Maker {
-        builder,
-        folder: workspace,
-        profile: match options.optimise {
-            Optimise::Speed => "speed",
-            Optimise::Size => "firmware",
-        },
+    let profile = match options.optimise {
+        Optimise::Speed => "speed",
+        Optimise::Size => "firmware",
+    };
+    let image = |features: &[&str]| {
+        builder.build(&Source { folder: &workspace, package: "cycles", profile, features })
     };
     let mut progress = Progress::new(2 * (filters.len() + laws.len()) as u64 + 1);
     progress.at("building what all have in common; the first time this takes a minute", 0);
-    let empty = maker.image(&[])?;
+    let empty = image(&[])?;
+    // Runs the image that sets `what` up, and weighs the one that does not.
+    let mut measured = |what: &dyn Display, feature: &str, run: &dyn Fn(&Image) -> Result<Runs>| {
+        progress.part_done(1);
+        progress.at(&format!("building {what}"), 0);
+        let (whole, update) = (image(&["setup", feature])?, image(&[feature])?);
+        progress.part_done(1);
+        progress.at(&format!("running {what}"), 0);
+        let runs = run(&whole)?;
+        let cost = figures::cost(&runs, &update, &empty);
+        anyhow::Ok((runs, cost))
+    };
     let filters = filters.iter().map(|candidate| {
-        measured(candidate, || {
-            let [whole, update] = maker.both(&mut progress, candidate, &candidate.feature())?;
-            let runs = measure(candidate, &whole, &recorded)?;
-            Ok(Figures::new(candidate, &runs, &update, &empty))
-        })
+        let run = |image: &Image| measure(candidate, image, &recorded);
+        let (runs, cost) = measured(candidate, &candidate.feature(), &run)
+            .with_context(|| candidate.to_string())?;
+        Ok(figures::of_filter(candidate, &runs, cost))
     });
-    let filters = filters.collect::<Result<_>>()?;
+    let filters = filters.collect::<Result<Vec<_>>>()?;
     let laws = laws.iter().map(|law| {
-        measured(law, || {
-            let [whole, update] = maker.both(&mut progress, law, &law.feature())?;
-            let runs = laws::measure(law, &whole)?;
-            Ok(LawFigures::new(law, &runs, &update, &empty))
-        })
+        let run = |image: &Image| laws::measure(law, image);
+        let (_, cost) = measured(law, &law.feature(), &run).with_context(|| law.to_string())?;
+        Ok(figures::of_law(law, cost))
     });
-    let laws = laws.collect::<Result<_>>()?;
+    let laws = laws.collect::<Result<Vec<_>>>()?;
     progress.end();
-    let report = Report::new(options.optimise, filters, laws);
-    if options.json {
-        print_json(&report)?;
-    } else {
-        print(report.table(options.markdown))?;
-    }
-    Ok(Verdict::Met)
+    figures::conclude(options, filters, laws)
 }
 
 /// The filters that the options name; each name must match one. All where none is named, unless
@@ -161,12 +162,12 @@ pub fn run(options: &Cycles) -> Result<Verdict> {
 fn choose(options: &Cycles) -> Result<Vec<Candidate>> {
     let Cycles { filter, library, law, .. } = options;
     let mut all = candidates::all();
-    let is_filter = |c: &Candidate, name: &str| c.filter.contains(name);
-    let is_library = |c: &Candidate, name: &str| c.library == name;
-    must_be_there("filter", filter, &all, is_filter, |c| c.filter.clone())?;
-    must_be_there("library", library, &all, is_library, |c| c.library.into())?;
-    all.retain(|c| filter.is_empty() || filter.iter().any(|name| is_filter(c, name)));
-    all.retain(|c| library.is_empty() || library.iter().any(|name| is_library(c, name)));
+    let filters = all.iter().map(|candidate| candidate.filter.to_owned());
+    must_be_there("filter", filter, filters, |known, name| known.contains(name))?;
+    let libraries = all.iter().map(|candidate| candidate.library.to_owned());
+    must_be_there("library", library, libraries, |known, name| known == name)?;
+    all.retain(|c| filter.is_empty() || filter.iter().any(|name| c.filter.contains(name)));
+    all.retain(|c| library.is_empty() || library.iter().any(|name| c.library == *name));
     let (filters, libraries) = (filter.join(", "), library.join(", "));
     match (filters.is_empty() && libraries.is_empty(), all.is_empty()) {
         (true, _) if !law.is_empty() => Ok(Vec::new()),
@@ -178,68 +179,37 @@ fn choose(options: &Cycles) -> Result<Vec<Candidate>> {
 /// The laws with one of these in their names; each must be in one.
 fn choose_laws(names: &[String]) -> Result<Vec<Law>> {
     let mut all = laws::all();
-    let is_law = |law: &Law, name: &str| name == ALL || law.full_name().contains(name);
-    let known = |law: &Law| format!("{ALL}, {}", law.full_name());
-    must_be_there("law", names, &all, is_law, known)?;
-    all.retain(|law| names.iter().any(|name| is_law(law, name)));
+    let known = all.iter().map(Law::full_name).chain([ALL.to_owned()]);
+    let is_law = |known: &str, name: &str| match known {
+        ALL => name == ALL,
+        _ => known.contains(name),
+    };
+    must_be_there("law", names, known, is_law)?;
+    all.retain(|law| names.iter().any(|name| name == ALL || law.full_name().contains(name)));
     Ok(all)
 }
 
 /// # Errors
-/// One of `names` is the name of nothing.
-fn must_be_there<T>(
+/// One of `names` is the name of nothing that is `known`.
+fn must_be_there(
     what: &str,
     names: &[String],
-    all: &[T],
-    is: impl Fn(&T, &str) -> bool,
-    known: impl Fn(&T) -> String,
+    known: impl Iterator<Item = String>,
+    is: impl Fn(&str, &str) -> bool,
 ) -> Result<()> {
-    let Some(name) = names.iter().find(|name| !all.iter().any(|one| is(one, name))) else {
+    let known: BTreeSet<String> = known.collect();
+    let Some(name) = names.iter().find(|name| !known.iter().any(|one| is(one, name))) else {
         return Ok(());
     };
-    let known: Vec<_> = all.iter().map(known).collect();
-    let known: BTreeSet<_> = known.iter().flat_map(|known| known.split(", ")).collect();
     let known = known.into_iter().collect::<Vec<_>>().join(", ");
     bail!(BadInput::new(format!("no {what} {name}; there are {known}")))
 }
 
-/// Makes images of the package `cycles`.
-struct Maker {
-    builder: Builder,
-    folder: PathBuf,
-    profile: &'static str,
-}
-
-impl Maker {
-    fn image(&self, features: &[&str]) -> Result<Image> {
-        let source =
-            Source { folder: &self.folder, package: "cycles", profile: self.profile, features };
-        Ok(self.builder.build(&source)?)
-    }
-
-    /// The image that is run and the one that is weighed, of the feature that stands for `what`.
-    fn both(
-        &self,
-        progress: &mut Progress,
-        what: &impl Display,
-        feature: &str,
-    ) -> Result<[Image; 2]> {
-        progress.part_done(1);
-        progress.at(&format!("building {what}"), 0);
-        let images = [self.image(&["setup", feature])?, self.image(&[feature])?];
-        progress.part_done(1);
-        progress.at(&format!("running {what}"), 0);
-        Ok(images)
-    }
-}
-
-/// The figures of `what`; an error names it.
-fn measured<T>(what: &impl Display, figures: impl FnOnce() -> Result<T>) -> Result<T> {
-    figures().with_context(|| what.to_string())
-}
+/// The runs of an image without and with a flash wait state.
+type Runs = [Run; 2];
 
 /// What was measured by running an image.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default)]
 struct Run {
     /// Mean over the recording or the release, cycles.
     mean: f64,
@@ -251,8 +221,30 @@ struct Run {
     tilt_deg: Option<f64>,
 }
 
+impl Run {
+    /// Carries out an update for each of `inputs`; the sum of their cycles.
+    fn play<T>(
+        &mut self,
+        bench: &mut Bench,
+        name: &'static str,
+        inputs: &[T],
+        mut update: impl FnMut(&mut Bench, usize, &T) -> Result<u64>,
+    ) -> Result<u64> {
+        let mut total = 0;
+        for (index, input) in inputs.iter().enumerate() {
+            let cycles = update(bench, index, input)?;
+            total += cycles;
+            if cycles > self.max {
+                (self.max, self.max_input) = (cycles, name);
+            }
+        }
+        self.stack_bytes = self.stack_bytes.max(bench.stack_bytes());
+        Ok(total)
+    }
+}
+
 /// Runs an image without and with a flash wait state.
-fn measure(candidate: &Candidate, image: &Image, recorded: &[Sample]) -> Result<[Run; 2]> {
+fn measure(candidate: &Candidate, image: &Image, recorded: &[Sample]) -> Result<Runs> {
     let length = match candidate.scalar {
         Scalar::Fixed => HARD_SAMPLES_FIXED,
         _ => HARD_SAMPLES,
@@ -264,7 +256,7 @@ fn measure(candidate: &Candidate, image: &Image, recorded: &[Sample]) -> Result<
 }
 
 /// Two runs at once, without and with a flash wait state.
-fn without_and_with_wait_state(run: impl Fn(u8) -> Result<Run> + Sync) -> Result<[Run; 2]> {
+fn without_and_with_wait_state(run: impl Fn(u8) -> Result<Run> + Sync) -> Result<Runs> {
     let [ideal, waiting] = thread::scope(|scope| {
         let waiting = scope.spawn(|| run(1));
         let ideal = run(0);
@@ -279,17 +271,14 @@ fn run_image(
     image: &Image,
     wait_states: u8,
     recorded: &[Sample],
-    hard: &[Hard],
+    hard: &[Sort<Sample>],
 ) -> Result<Run> {
     let fresh = Bench::boot(image, wait_states)?;
     let mut bench = fresh.clone();
-    let mut worst = (0, "");
-    let mut total = 0;
+    let mut run = Run::default();
     let (mut tilt2, mut tilts) = (0.0, 0);
-    for (index, sample) in recorded.iter().enumerate() {
+    let total = run.play(&mut bench, "the recording", recorded, |bench, index, sample| {
         let cycles = bench.update(&sample.words(candidate.input))?;
-        total += cycles;
-        worst = worst.max((cycles, "the recording"));
         if candidate.has_tilt()
             && index.is_multiple_of(TILT_EVERY)
             && let Some(truth) = sample.up()
@@ -299,34 +288,24 @@ fn run_image(
             tilt2 += cos.clamp(-1.0, 1.0).acos().to_degrees().powi(2);
             tilts += 1;
         }
-    }
-    let tilt_deg = (tilts > 0).then(|| f64::sqrt(tilt2 / f64::from(tilts)));
-    if let Some(tilt) = tilt_deg
+        Ok(cycles)
+    })?;
+    run.mean = total as f64 / recorded.len() as f64;
+    run.tilt_deg = (tilts > 0).then(|| f64::sqrt(tilt2 / f64::from(tilts)));
+    if let Some(tilt) = run.tilt_deg
         && (tilt.is_nan() || tilt > MOST_TILT_DEG)
     {
         bail!(
             "{tilt:.1} deg from true up: it does not estimate what it should, and its figures mean nothing"
         );
     }
-    let mut stack_bytes = bench.stack_bytes();
     // Hard input follows the recording, and it follows the start.
     for start in [bench, fresh] {
-        for sort in hard {
-            let mut bench = start.clone();
-            for sample in &sort.samples {
-                let cycles = bench.update(&sample.words(candidate.input))?;
-                if cycles > worst.0 {
-                    worst = (cycles, sort.name);
-                }
-            }
-            stack_bytes = stack_bytes.max(bench.stack_bytes());
+        for (name, samples) in hard {
+            run.play(&mut start.clone(), name, samples, |bench, _, sample| {
+                bench.update(&sample.words(candidate.input))
+            })?;
         }
     }
-    Ok(Run {
-        mean: total as f64 / recorded.len() as f64,
-        max: worst.0,
-        max_input: worst.1,
-        stack_bytes,
-        tilt_deg,
-    })
+    Ok(run)
 }

@@ -3,10 +3,11 @@
 
 use ::cycles::{Input, PERIOD_S};
 use plant::ServoModel;
+use rand::Rng;
 use rand::rngs::StdRng;
-use rand::{Rng, SeedableRng};
 use tvc_pid::SurfaceConfig;
 
+use super::hard;
 use super::laws::Law;
 
 /// Updates of the release: 2 s.
@@ -170,38 +171,21 @@ fn of_any_size(rng: &mut StdRng) -> f32 {
 
 /// All sorts of hard input, and four times as many by turns, made of the inputs of the `release`.
 pub fn hard(law: &Law, release: &[Step]) -> Vec<Hard> {
-    let rng = &mut StdRng::seed_from_u64(1);
-    let plain = || release.iter().map(|step| step.input).cycle();
-    let mut sorts: Vec<(_, Vec<Input>)> = HARD
-        .iter()
-        .map(|&(name, change)| {
-            let inputs = plain().take(HARD_UPDATES).map(|mut input| {
-                change(&mut input, law.word, rng);
-                input
-            });
-            (name, inputs.collect())
-        })
-        .collect();
-    let mixed = plain().take(4 * HARD_UPDATES).map(|mut input| {
-        let (_, change) = HARD[rng.random_range(0..HARD.len())];
-        change(&mut input, law.word, rng);
-        input
+    let plain: Vec<Input> = release.iter().map(|step| step.input).collect();
+    let change = |change: Change, input: &mut Input, rng: &mut StdRng| change(input, law.word, rng);
+    let sorts = hard::sorts(&plain, &HARD, [HARD_UPDATES, 4 * HARD_UPDATES], change);
+    let with_outputs = sorts.into_iter().map(|(name, inputs)| {
+        let mut released = (law.make)();
+        for input in &plain {
+            released.update(input);
+        }
+        Hard {
+            name,
+            after_release: steps(released, &inputs),
+            from_rest: steps((law.make)(), &inputs),
+        }
     });
-    sorts.push(("all sorts by turns", mixed.collect()));
-    sorts
-        .into_iter()
-        .map(|(name, inputs)| {
-            let mut released = (law.make)();
-            for step in release {
-                released.update(&step.input);
-            }
-            Hard {
-                name,
-                after_release: steps(released, &inputs),
-                from_rest: steps((law.make)(), &inputs),
-            }
-        })
-        .collect()
+    with_outputs.collect()
 }
 
 fn steps(mut law: Box<dyn ::cycles::Law>, inputs: &[Input]) -> Vec<Step> {

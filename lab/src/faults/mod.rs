@@ -12,8 +12,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use indicatif::ProgressBar;
-use rig::faults::{Campaign, Case, Kind, Outcome, Phase, Plan, Sound};
-use rig::flight::FlightError;
+use rig::faults::{Campaign, Case, Kind, Phase, Plan, Sound};
 use rig::{Image, ServoKind, Setup, Ticks, prepare};
 use serde::{Deserialize, Serialize};
 
@@ -85,12 +84,25 @@ fn fly(options: &Faults) -> Result<Verdict> {
     let report = options.output.page(NAME)?;
     kind::try_folder(&options.unsafe_runs)?;
     let begun = Instant::now();
-    let mut of_shard = Shard::of(options, &all)?;
+    let of_each = runs_of_each(options, &all)?;
+    let (part, parts) = options.shard.unwrap_or((0, 1));
+    // Runs of all shards so far.
+    let mut index = 0;
+    let mut is_of_shard = || {
+        index += 1;
+        (index - 1) % parts == part
+    };
     let image = sealed(options.image.image()?);
     let (mut rows, mut bad) = (Vec::new(), Vec::new());
     for flown in &all {
         let base = Base::new(&image, flown)?;
-        let cases = of_shard.cases(options, flown, &base);
+        let of_each = match (flown.plan, options.runs) {
+            (Plan::TimerBits, None) => INSTANTS * base.timer_bits(),
+            _ => of_each,
+        };
+        let kinds = kinds(options, flown).into_iter();
+        let cases = kinds.flat_map(|kind| (0..of_each).map(move |number| Case { kind, number }));
+        let cases: Vec<Case> = cases.filter(|_| is_of_shard()).collect();
         let flown_rows =
             carry_out("runs", &cases, options.campaign.jobs, |case| base.row(flown, *case))?;
         for (case, row) in cases.iter().zip(&flown_rows) {
@@ -173,17 +185,13 @@ impl Base {
         Ok(Self::Faults(Box::new(campaign)))
     }
 
-    fn run(&self, case: Case) -> Result<Outcome, FlightError> {
-        match (self, case.kind) {
+    /// The row of a run: the same for the same image, whatever was run before or beside it.
+    fn row(&self, flown: &Flown, case: Case) -> Result<Row> {
+        let outcome = match (self, case.kind) {
             (Self::Sound(sound), Kind::Sound(kind)) => sound.run(kind, case.number),
             (Self::Sound(_), _) => unreachable!("the plan has kinds of sound vehicles alone"),
             (Self::Faults(campaign), _) => campaign.run(case),
-        }
-    }
-
-    /// The row of a run: the same for the same image, whatever was run before or beside it.
-    fn row(&self, flown: &Flown, case: Case) -> Result<Row> {
-        let outcome = self.run(case);
+        };
         let outcome =
             outcome.with_context(|| format!("run {} of fault {}", case.number, case.kind));
         Ok(Row::new(flown, &outcome?))
@@ -198,48 +206,21 @@ impl Base {
     }
 }
 
-/// The runs of this shard.
-struct Shard {
-    /// Runs of each kind.
-    of_each: u32,
-    part: u64,
-    parts: u64,
-    /// Runs of all shards so far.
-    index: u64,
-}
-
-impl Shard {
-    /// # Errors
-    /// The phase does not have a kind.
-    fn of(options: &Faults, all: &[Flown]) -> Result<Self> {
-        let sensor_kind = options.kind.iter().find(|kind| matches!(kind, Kind::Sensor(_)));
-        let other_phase = all.iter().find(|flown| flown.phase != Phase::Flight);
-        if let (Some(kind), Some(flown)) = (sensor_kind, other_phase) {
-            let why = format!("--phase {}: {kind} is a fault of phase flight", flown.phase);
-            return Err(BadInput::new(why).into());
-        }
-        let kinds: usize = all.iter().map(|flown| kinds(options, flown).len()).sum();
-        let is_sound = all.iter().any(|flown| flown.plan == Plan::Sound);
-        let usual = if is_sound { SOUND_OF_EACH } else { RUNS_OF_EACH };
-        let of_each = options.runs.map_or(usual, |runs| runs.div_ceil(kinds.max(1) as u32));
-        let (part, parts) = options.shard.unwrap_or((0, 1));
-        Ok(Self { of_each, part, parts, index: 0 })
+/// Runs of each kind where the plan does not count them otherwise.
+///
+/// # Errors
+/// The phase does not have a kind.
+fn runs_of_each(options: &Faults, all: &[Flown]) -> Result<u32> {
+    let sensor_kind = options.kind.iter().find(|kind| matches!(kind, Kind::Sensor(_)));
+    let other_phase = all.iter().find(|flown| flown.phase != Phase::Flight);
+    if let (Some(kind), Some(flown)) = (sensor_kind, other_phase) {
+        let why = format!("--phase {}: {kind} is a fault of phase flight", flown.phase);
+        return Err(BadInput::new(why).into());
     }
-
-    /// The runs of a campaign, by kind and number.
-    fn cases(&mut self, options: &Faults, flown: &Flown, campaign: &Base) -> Vec<Case> {
-        let of_each = match (flown.plan, options.runs) {
-            (Plan::TimerBits, None) => INSTANTS * campaign.timer_bits(),
-            _ => self.of_each,
-        };
-        let kinds = kinds(options, flown).into_iter();
-        let all = kinds.flat_map(|kind| (0..of_each).map(move |number| Case { kind, number }));
-        all.filter(|_| {
-            self.index += 1;
-            (self.index - 1) % self.parts == self.part
-        })
-        .collect()
-    }
+    let kinds: usize = all.iter().map(|flown| kinds(options, flown).len()).sum();
+    let is_sound = all.iter().any(|flown| flown.plan == Plan::Sound);
+    let usual = if is_sound { SOUND_OF_EACH } else { RUNS_OF_EACH };
+    Ok(options.runs.map_or(usual, |runs| runs.div_ceil(kinds.max(1) as u32)))
 }
 
 /// What fails.
@@ -250,6 +231,7 @@ fn kinds(options: &Faults, flown: &Flown) -> Vec<Kind> {
     }
     kinds
 }
+
 /// The image, with a warning where it does not check itself.
 fn sealed(image: Image) -> Image {
     if !image.is_sealed() {

@@ -9,6 +9,7 @@ use super::table::{End, Row};
 use report::measure::Figures;
 use report::page::{figure, page, table, verdict};
 use report::plot::{Line, Look, Marks, Plot, Shape};
+use report::table::Table;
 
 /// Runs that the page names, those longest without control first.
 const NAMED: usize = 10;
@@ -32,15 +33,18 @@ pub fn render(figures: &Figures, rows: &[Row]) -> Result<String> {
     let mut longest: Vec<&Row> = rows.iter().collect();
     longest.sort_by(|a, b| b.blind_ms().total_cmp(&a.blind_ms()));
     let body = html! {
-        @if bad.is_empty() {
-            (verdict(true, "No run was unsafe."))
-        } @else {
-            (verdict(false, &format!("{} of {} runs were unsafe.", bad.len(), rows.len())))
-        }
+        (judged(&bad, rows, "No run was unsafe.", "runs were unsafe."))
         (figures.table("faults").markup())
         (figures.lines().markup())
-        (blindness(rows)?)
-        (instants(rows)?)
+        (against_blindness(
+            "A dot for each run, against how long its fault lasted: the longest time off neutral \
+             without valid data, or driven wrongly.",
+            "the fault lasted, ms", true, |row| row.lasted_s * 1e3, rows,
+        )?)
+        (against_blindness(
+            "The same, against the instant of the flight, or of another phase, at which it began.",
+            "since the release or the phase's begin, s", false, |row| row.at_s, rows,
+        )?)
         h2 { "By kind and instant" }
         (by_instant(rows))
         @if !bad.is_empty() {
@@ -61,11 +65,7 @@ pub fn render(figures: &Figures, rows: &[Row]) -> Result<String> {
 fn of_sound(figures: &Figures, rows: &[Row], bad: &[&Row]) -> Markup {
     let listed = bad.iter().map(|row| vec![row.story(), row.why.clone()]);
     html! {
-        @if bad.is_empty() {
-            (verdict(true, "No sound vehicle had an alarm."))
-        } @else {
-            (verdict(false, &format!("{} of {} sound vehicles had alarms.", bad.len(), rows.len())))
-        }
+        (judged(bad, rows, "No sound vehicle had an alarm.", "sound vehicles had alarms."))
         (figures.table("sound").markup())
         (figures.lines().markup())
         @if !bad.is_empty() {
@@ -84,60 +84,45 @@ fn name(end: End) -> &'static str {
     named.map_or("", |(_, name)| name)
 }
 
-/// A set of dots for each ending.
-fn endings(rows: &[Row], place: fn(&Row) -> (f64, f64)) -> Vec<Marks<'static>> {
-    let mut marks = Vec::new();
-    for ((end, name), colour) in End::ALL.into_iter().zip(COLOURS) {
-        let runs = rows.iter().filter(|row| row.end == end);
-        let points: Vec<(f64, f64)> = runs.map(place).collect();
-        if !points.is_empty() {
-            marks.push(Marks { name, colour, shape: Shape::Dot, points });
-        }
+/// Whether no run is `bad`, in words.
+fn judged(bad: &[&Row], rows: &[Row], none: &str, some: &str) -> Markup {
+    match bad.len() {
+        0 => verdict(true, none),
+        count => verdict(false, &format!("{count} of {} {some}", rows.len())),
     }
-    marks
 }
 
-/// A plot of dots against the time without control, with the limits across it.
+/// A plot with a dot for each run, against the time without control, with the limits across it.
 fn against_blindness(
-    x: &str,
+    caption: &str,
+    label: &str,
     log_x: bool,
-    place: fn(&Row) -> (f64, f64),
+    x: fn(&Row) -> f64,
     rows: &[Row],
-) -> Result<String> {
-    let all: Vec<(f64, f64)> = rows.iter().map(place).collect();
-    let least = all.iter().map(|p| p.0).fold(f64::INFINITY, f64::min);
-    let most = all.iter().map(|p| p.0).fold(least + 1e-3, f64::max);
+) -> Result<Markup> {
+    let all = || rows.iter().map(x);
+    let least = all().fold(f64::INFINITY, f64::min);
+    let most = all().fold(least + 1e-3, f64::max);
     let across = |name, colour, ms| Line::new(name, colour, vec![(least, ms), (most, ms)]);
     let limits = [DEADLINE, WRONG_LIMIT].map(|limit| limit.as_us_f64() / 1e3);
     let lines = vec![
         across("most allowed after a fault of the sensor", 4, limits[0]),
         across("most allowed after another fault", 1, limits[1]),
     ];
-    let plot = Plot::new(x, "without control, ms", lines);
-    plot.svg_as(&Look {
+    let marks = End::ALL.into_iter().zip(COLOURS).map(|((end, name), colour)| {
+        let runs = rows.iter().filter(|row| row.end == end);
+        let points = runs.map(|row| (x(row), row.blind_ms())).collect();
+        Marks { name, colour, shape: Shape::Dot, points }
+    });
+    let blind_ms = rows.iter().map(|row| 1.05 * row.blind_ms());
+    let svg = Plot::new(label, "without control, ms", lines).svg_as(&Look {
         log_x,
         x: Some((least, most)),
-        y: Some((0.0, all.iter().map(|p| 1.05 * p.1).fold(1.1 * limits[1], f64::max))),
-        marks: endings(rows, place),
+        y: Some((0.0, blind_ms.fold(1.1 * limits[1], f64::max))),
+        marks: marks.filter(|marks| !marks.points.is_empty()).collect(),
         ..Look::default()
-    })
-}
-
-fn blindness(rows: &[Row]) -> Result<Markup> {
-    let place = |row: &Row| (row.lasted_s * 1e3, row.blind_ms());
-    Ok(figure(
-        "A dot for each run, against how long its fault lasted: the longest time off neutral without \
-         valid data, or driven wrongly.",
-        against_blindness("the fault lasted, ms", true, place, rows)?,
-    ))
-}
-
-fn instants(rows: &[Row]) -> Result<Markup> {
-    let place = |row: &Row| (row.at_s, row.blind_ms());
-    Ok(figure(
-        "The same, against the instant of the flight, or of another phase, at which it began.",
-        against_blindness("since the release or the phase's begin, s", false, place, rows)?,
-    ))
+    })?;
+    Ok(figure(caption, svg))
 }
 
 /// Runs that were not recovered from and those that were unsafe, of each kind, by the instant at
@@ -147,18 +132,15 @@ fn by_instant(rows: &[Row]) -> Markup {
     let slots = (last / SLOT_S) as usize + 1;
     let mut head = vec!["fault".to_owned()];
     head.extend((0..slots).map(|slot| format!("from {:.1} s", slot as f64 * SLOT_S)));
-    let head: Vec<&str> = head.iter().map(String::as_str).collect();
     let of_kind = |kind: Kind| {
         let mut cells = vec![kind.name().to_owned()];
         cells.extend((0..slots).map(|slot| {
-            let runs = || {
-                rows.iter()
-                    .filter(move |row| row.kind == kind && (row.at_s / SLOT_S) as usize == slot)
-            };
-            let ended = runs().filter(|row| row.end != End::Recovered).count();
-            match runs().filter(|row| row.end == End::Unsafe).count() {
-                0 => format!("{ended} of {}", runs().count()),
-                bad => format!("{ended} of {}, {bad} unsafe", runs().count()),
+            let is_here = |row: &&Row| row.kind == kind && (row.at_s / SLOT_S) as usize == slot;
+            let ends: Vec<End> = rows.iter().filter(is_here).map(|row| row.end).collect();
+            let ended = ends.iter().filter(|end| **end != End::Recovered).count();
+            match ends.iter().filter(|end| **end == End::Unsafe).count() {
+                0 => format!("{ended} of {}", ends.len()),
+                bad => format!("{ended} of {}, {bad} unsafe", ends.len()),
             }
         }));
         cells
@@ -167,7 +149,7 @@ fn by_instant(rows: &[Row]) -> Markup {
     let flown = kinds.filter(|kind| rows.iter().any(|row| row.kind == *kind));
     html! {
         p { "Runs that did not end in control, of all at that instant." }
-        (table(&head, &flown.map(of_kind).collect::<Vec<_>>()))
+        (Table::new(head, flown.map(of_kind)).markup())
     }
 }
 

@@ -17,18 +17,13 @@ pub fn figures(all: &[Row], wall_s: Option<f64>) -> Figures {
 }
 
 fn of_faults(all: &[Row]) -> Vec<Figure> {
-    let share = |is_one: &dyn Fn(&Row) -> bool, among: &dyn Fn(&Row) -> bool| {
-        let among = all.iter().filter(|row| among(row));
-        let (mut runs, mut count) = (0_u32, 0_u32);
-        for row in among {
-            runs += 1;
-            count += u32::from(is_one(row));
-        }
-        (runs > 0).then(|| 100.0 * f64::from(count) / f64::from(runs))
+    let share = |is_one: fn(&Row) -> bool, among: fn(&Row) -> bool| {
+        let among: Vec<&Row> = all.iter().filter(|row| among(row)).collect();
+        let count = among.iter().filter(|row| is_one(row)).count();
+        (!among.is_empty()).then(|| 100.0 * count as f64 / among.len() as f64)
     };
-    let any = |_: &Row| true;
     let upset = |row: &Row| matches!(row.kind, Kind::System(kind) if kind.is_upset());
-    let mut recovered = figure("recovered_pct", share(&|row| row.end == End::Recovered, &any))
+    let mut recovered = figure("recovered_pct", share(|row| row.end == End::Recovered, |_| true))
         .shown("recovered", "%", 1);
     if all[0].campaign == Plan::Glitches {
         recovered = recovered.limit(AtLeast(99.0));
@@ -37,10 +32,10 @@ fn of_faults(all: &[Row]) -> Vec<Figure> {
     let limit =
         |key, label, ticks: rig::Ticks| figure(key, ticks.as_us_f64() / 1e3).shown(label, "ms", 0);
     let upsets = [
-        figure("upset_noticed_pct", share(&|row| row.noticed, &upset))
+        figure("upset_noticed_pct", share(|row| row.noticed, upset))
             .shown("flipped bits and peripherals: noticed", "%", 1)
             .or("none flown"),
-        figure("upset_harmless_pct", share(&|row| row.harmless, &upset))
+        figure("upset_harmless_pct", share(|row| row.harmless, upset))
             .shown("flipped bits and peripherals: harmless", "%", 1)
             .or("none flown"),
     ];

@@ -122,14 +122,13 @@ fn fly(
     } else {
         (&[ServoKind::S3003, ServoKind::Digital][..], &STARTS_RAD[..])
     };
-    let setups: Vec<Setup> = settings
-        .iter()
-        .flat_map(|(setting, _)| servos.iter().map(move |servo| (setting, *servo)))
-        .map(|(setting, servo)| {
-            let mut setup = Setup::with_polarity(servo, options.campaign.seed);
+    let mut setups = Vec::new();
+    for (setting, _) in settings {
+        for servo in servos {
+            let mut setup = Setup::with_polarity(*servo, options.campaign.seed);
             setup.rig.hardware = setting.parse::<Hardware>().map_err(BadInput::new)?;
-            Ok(setup)
-        })
-        .collect::<Result<_, BadInput>>()?;
+            setups.push(setup);
+        }
+    }
     carry_out("boots", &setups, options.campaign.jobs, |setup| Ok(row::fly(image, setup, starts)))
 }

@@ -122,8 +122,12 @@ pub fn row(
 
 /// The figures of all flights, the worst of each.
 fn measured(flown: &[&Flown]) -> Vec<Figure> {
-    let worst = |of: fn(&Flown) -> f64| flown.iter().map(|flown| of(flown)).reduce(f64::max);
-    let slowest = |of: fn(&Flown) -> f64| flown.iter().map(|flown| of(flown)).reduce(f64::min);
+    let worst = |key, label, unit, decimals, of: fn(&Flown) -> f64| {
+        let worst = flown.iter().map(|flown| of(flown)).reduce(f64::max);
+        figure(key, worst).shown(label, unit, decimals).or("")
+    };
+    let slowest = flown.iter().map(|flown| flown.timing.rate_hz).reduce(f64::min);
+    let slowest = slowest.map(|rate_hz| (rate_hz * 1e3).round() / 1e3);
     let bursts = flown.iter().filter_map(|flown| flown.bursts);
     let longest = bursts.max_by(|a, b| a.max_us.total_cmp(&b.max_us));
     let us = |key, us: Option<f32>, label| {
@@ -139,31 +143,18 @@ fn measured(flown: &[&Flown]) -> Vec<Figure> {
         .map(|flown| flown.runs.iter().all(|run| run.stayed_active))
         .reduce(|all, one| all && one);
     vec![
-        figure("standby_s", worst(|flown| flown.standby_s)).shown("standby", "s", 1).or(""),
-        figure("overshoot_pct", worst(overshoot))
-            .shown("overshoot", "%", 1)
-            .or("")
-            .limit(requirements::OVERSHOOT_PCT),
+        worst("standby_s", "standby", "s", 1, |flown| flown.standby_s),
+        worst("overshoot_pct", "overshoot", "%", 1, overshoot).limit(requirements::OVERSHOOT_PCT),
         settling("settling_s3003_s", "settling S3003", ServoKind::S3003, flown),
         settling("settling_digital_s", "settling digital", ServoKind::Digital, flown),
         us("burst_us_mean", longest.map(|one| one.mean_us), "burst"),
         us("burst_us_max", longest.map(|one| one.max_us), "longest"),
-        figure("latency_us", worst(|flown| flown.timing.latency_us.mean))
-            .shown("latency", "us", 0)
-            .or("")
+        worst("latency_us", "latency", "us", 0, |flown| flown.timing.latency_us.mean)
             .limit(requirements::LATENCY_US),
-        figure("rate_hz", slowest(|flown| (flown.timing.rate_hz * 1e3).round() / 1e3))
-            .shown("rate", "Hz", 0)
-            .or("")
-            .limit(requirements::RATE_HZ),
-        figure("jitter_us_max", worst(|flown| flown.timing.jitter_us_max))
-            .shown("jitter", "us", 1)
-            .or("")
+        figure("rate_hz", slowest).shown("rate", "Hz", 0).or("").limit(requirements::RATE_HZ),
+        worst("jitter_us_max", "jitter", "us", 1, |flown| flown.timing.jitter_us_max)
             .limit(requirements::JITTER_US),
-        figure("lost", worst(|flown| flown.lost as f64))
-            .shown("lost", "", 0)
-            .or("")
-            .limit(requirements::LOST_MESSAGES),
+        worst("lost", "lost", "", 0, |flown| flown.lost as f64).limit(requirements::LOST_MESSAGES),
         figure("in_control", in_control)
             .shown("in control", "", 0)
             .or("")

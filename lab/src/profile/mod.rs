@@ -14,7 +14,7 @@ use rig::{Image, Rig, ServoKind, Setup, prepare};
 use ::report::arguments::seconds;
 use ::report::exit::{BadInput, Verdict};
 use ::report::kind;
-use ::report::measure::{Figure, Figures, figure, rows};
+use ::report::measure::{Figures, figure, rows};
 use ground::flight::fly::flights::START_RATE_RAD_S;
 use ground::flight::fly::live::Live;
 use ground::flight::fly::options::start_angle;
@@ -87,7 +87,7 @@ pub struct Profile {
 pub fn run(options: &Profile) -> Result<Verdict> {
     let firmware = options.image.firmware()?;
     let mut symbols = Symbols::read(&firmware.elf)?;
-    if !symbols.has_inlined() {
+    if !symbols.has_inlined {
         eprintln!(
             "note: the image has no debug information: what was inlined counts for the function \
              that it is in"
@@ -137,8 +137,8 @@ fn measure(options: &Profile, image: &Image) -> Result<Window> {
             live.flight(progress);
         })?)
     };
-    let window = fly().context("the image does not fly; --after profiles one that is no autopilot");
-    let window = window?;
+    let window =
+        fly().context("the image does not fly; --after profiles one that is no autopilot")?;
     live.end();
     ensure!(window.steps > 0, "the image took no control step in the window");
     Ok(window)
@@ -167,15 +167,14 @@ fn figures(
     let functions = root.functions().into_iter().take(top).map(|(name, count)| {
         [figure("function", name).shown("function", "", 0), cycles(count), share(count)]
     });
-    let inlined =
-        root.inlined().into_iter().take(top).map(|((name, into), count)| -> Vec<Figure> {
-            vec![
-                figure("function", name).shown("inlined function", "", 0),
-                figure("inlined_into", into).shown("in", "", 0),
-                cycles(count),
-                share(count),
-            ]
-        });
+    let inlined = root.inlined().into_iter().take(top).map(|((name, into), count)| {
+        [
+            figure("function", name).shown("inlined function", "", 0),
+            figure("inlined_into", into).shown("in", "", 0),
+            cycles(count),
+            share(count),
+        ]
+    });
     Figures::from([
         figure("seed", options.seed),
         figure("window_s", window.seconds).shown("window", "s", 3),

@@ -19,7 +19,8 @@ type Bytes<'a> = EndianSlice<'a, LittleEndian>;
 pub struct Symbols<'a> {
     functions: Functions,
     inlined: Context<Bytes<'a>>,
-    has_inlined: bool,
+    /// Whether the file tells what was inlined: whether it has debug information.
+    pub has_inlined: bool,
     known: HashMap<u32, Vec<String>>,
 }
 
@@ -42,11 +43,6 @@ impl<'a> Symbols<'a> {
             inlined: Context::from_dwarf(dwarf).map_err(BadInput::new)?,
             known: HashMap::new(),
         })
-    }
-
-    /// Whether the file tells what was inlined: whether it has debug information.
-    pub fn has_inlined(&self) -> bool {
-        self.has_inlined
     }
 
     /// The function at an address, then what was inlined there, outermost first; never empty.

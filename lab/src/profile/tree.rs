@@ -20,10 +20,7 @@ impl Node {
     pub fn new(profile: &Profile, symbols: &mut Symbols<'_>) -> Self {
         let mut root = Self::default();
         for (exception, address, cycles) in profile.iter() {
-            root.add(cycles, &[context(exception)]);
-            let node = root.below.entry(context(exception)).or_default();
-            node.add(cycles, symbols.path(address));
-            node.cycles -= cycles;
+            root.add(cycles, &[&[context(exception)], symbols.path(address)].concat());
         }
         root
     }

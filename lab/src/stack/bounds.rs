@@ -29,13 +29,10 @@ pub fn bounds(given: &[Bounded]) -> Vec<Bounded> {
 /// # Errors
 /// What such a bound looks like.
 pub fn bound(text: &str) -> Result<Bounded, String> {
-    let times = |text: &str| text.parse().ok().filter(|times| (1..=16).contains(times));
-    let parsed = text.rsplit_once('=').and_then(|(function, number)| {
-        Some(Bounded {
-            function: (!function.is_empty()).then(|| function.to_owned())?,
-            times: times(number)?,
-            why: "given by --bound".into(),
-        })
+    let parsed = text.rsplit_once('=').and_then(|(function, times)| {
+        let times = times.parse().ok().filter(|times| (1..=16).contains(times))?;
+        let why = "given by --bound".into();
+        (!function.is_empty()).then(|| Bounded { function: function.into(), times, why })
     });
     parsed.ok_or_else(|| {
         "a bound is the name of a function and how often it is on the stack at once, 1 to 16, \

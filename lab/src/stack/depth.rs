@@ -9,7 +9,6 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::program::{Pointers, Program};
-use super::value::Origin;
 use super::walk::{Call, Frame, Problem, Target};
 
 /// A function that can be on the stack more than once at a time, but not more often than this.
@@ -49,9 +48,9 @@ type Way = (u32, u32, Option<u32>);
 
 /// All calls of an image.
 pub struct Calls {
-    frames: BTreeMap<u32, Frame>,
-    /// Functions by what their pointer was loaded from.
-    candidates: BTreeMap<Origin, BTreeSet<u32>>,
+    /// The functions that are reached, by address.
+    pub frames: BTreeMap<u32, Frame>,
+    pointers: Pointers,
     bounded: Vec<(u32, u8)>,
     known: RefCell<BTreeMap<(u32, Budget), Way>>,
 }
@@ -61,41 +60,23 @@ impl Calls {
     pub fn new(
         program: &Program,
         frames: BTreeMap<u32, Frame>,
-        pointers: &Pointers,
+        pointers: Pointers,
         bounded: &[Bounded],
     ) -> Self {
-        let calls = frames.values().flat_map(|frame| frame.calls.values());
-        let targets = calls.flat_map(|call| &call.targets);
-        let candidates = targets.filter_map(|target| match target {
-            Target::Function(_) => None,
-            Target::Pointer(from) => Some((*from, pointers.candidates(*from))),
-        });
         let bound = |function: &u32| {
             let name = program.name(*function);
             let found = bounded.iter().find(|one| one.function == name)?;
             Some((*function, found.times))
         };
-        Self {
-            candidates: candidates.collect(),
-            bounded: frames.keys().filter_map(bound).collect(),
-            frames,
-            known: RefCell::default(),
-        }
-    }
-
-    /// The functions that are reached, by address.
-    pub fn frames(&self) -> &BTreeMap<u32, Frame> {
-        &self.frames
+        let bounded = frames.keys().filter_map(bound).collect();
+        Self { frames, pointers, bounded, known: RefCell::default() }
     }
 
     /// Whom a call may reach.
     pub fn reached_by(&self, call: &Call) -> BTreeSet<u32> {
         let all = call.targets.iter().flat_map(|target| match target {
-            Target::Function(function) => vec![*function],
-            Target::Pointer(from) => {
-                let candidates = self.candidates.get(from);
-                candidates.into_iter().flatten().copied().collect()
-            }
+            Target::Function(function) => BTreeSet::from([*function]),
+            Target::Pointer(from) => self.pointers.candidates(*from),
         });
         all.collect()
     }
@@ -155,14 +136,11 @@ impl Calls {
         let mut budget: Budget = self.bounded.iter().map(|(_, times)| *times).collect();
         let mut at = Some(function);
         let mut deepest = Deepest::default();
-        while let Some(function) = at {
-            let Some((bytes, own, next)) = self.bytes(function, &budget) else {
-                break;
-            };
-            if deepest.path.is_empty() {
-                deepest.bytes = bytes;
-            }
-            deepest.path.push(Step { function, bytes: own });
+        while let Some(function) = at
+            && let Some((_, bytes, next)) = self.bytes(function, &budget)
+        {
+            deepest.bytes += bytes;
+            deepest.path.push(Step { function, bytes });
             budget = self.entered(function, &budget).unwrap_or_default();
             at = next;
         }
@@ -172,9 +150,8 @@ impl Calls {
     /// What is left of the budget in a function; `None` if it cannot be entered any more.
     fn entered(&self, function: u32, budget: &Budget) -> Option<Budget> {
         let mut left = budget.clone();
-        let bounded = self.bounded.iter().map(|(bounded, _)| bounded);
-        for (left, _) in left.iter_mut().zip(bounded).filter(|(_, b)| **b == function) {
-            *left = left.checked_sub(1)?;
+        if let Some(place) = self.bounded.iter().position(|(bounded, _)| *bounded == function) {
+            left[place] = left[place].checked_sub(1)?;
         }
         Some(left)
     }

@@ -1,19 +1,14 @@
 //! What `lab stack` prints.
 
-use std::collections::BTreeSet;
-
 use super::Analysis;
 use super::depth::Bounded;
-use super::levels::{FRAME_BYTES, Level, exception_name};
+use super::levels::exception_name;
 use super::seen::Seen;
 use super::value::Origin;
-use super::walk::{Call, Target};
+use super::walk::Target;
 use flights::requirements;
 use report::measure::Limit::AtMost;
 use report::measure::{Figure, Figures, figure, note, rows};
-
-/// What main is called among the levels.
-const MAIN: &str = "main";
 
 /// All figures of an image with `room` bytes for its stack, at most `top` rows of the largest
 /// functions.
@@ -47,162 +42,125 @@ pub fn figures(analysis: &Analysis, seen: &Seen, room: u32, top: usize) -> Figur
             rows("problems", problems(analysis)),
         ]
         .into_iter()
-        .chain(bounds_in_words(analysis).into_iter().map(note)),
+        .chain(bounds_in_words(analysis).map(note)),
     )
 }
 
-/// What a level is called.
-pub fn level_name(level: &Level) -> String {
-    match level.exception {
-        2 | 3 => exception_name(level.exception),
-        _ => format!("priority {}", level.priority),
-    }
-}
-
-fn level_rows(analysis: &Analysis) -> Vec<[Figure; 4]> {
-    let row = |level: String, handler: String, stacked: u32, bytes: u32| {
+fn level_rows(analysis: &Analysis) -> impl Iterator<Item = [Figure; 4]> {
+    analysis.levels.iter().map(|level| {
+        let first = level.deepest.path.first();
+        let mut handler =
+            first.map_or_else(String::new, |step| analysis.program.name(step.function));
+        if let Some(exception) = level.exception {
+            handler += &format!(" ({})", exception_name(exception));
+        }
         [
-            figure("level", level).shown("level", "", 0),
+            figure("level", level.name.as_str()).shown("level", "", 0),
             figure("handler", handler).shown("deepest handler", "", 0),
-            figure("frame_bytes", stacked).shown("stacked", "bytes", 0),
-            figure("bytes", bytes).shown("its own", "bytes", 0),
+            figure("frame_bytes", level.stacked).shown("stacked", "bytes", 0),
+            figure("bytes", level.deepest.bytes).shown("its own", "bytes", 0),
         ]
-    };
-    let name = |path: &[super::depth::Step]| {
-        let first = path.first();
-        first.map_or_else(String::new, |step| analysis.program.name(step.function))
-    };
-    let main = (analysis.problems.is_empty()).then(|| {
-        let main = &analysis.main;
-        row(MAIN.into(), name(&main.path), 0, main.bytes)
-    });
-    let levels = analysis.levels.iter().map(|level| {
-        let handler =
-            format!("{} ({})", name(&level.deepest.path), exception_name(level.exception));
-        row(level_name(level), handler, FRAME_BYTES, level.deepest.bytes)
-    });
-    main.into_iter().chain(levels).collect()
+    })
 }
 
-fn path_rows(analysis: &Analysis) -> Vec<[Figure; 3]> {
-    let main = std::iter::once((MAIN.to_owned(), &analysis.main));
-    let levels = analysis.levels.iter();
-    let levels = levels.map(|level| (level_name(level), &level.deepest));
-    let steps = main.chain(levels).flat_map(|(level, deepest)| {
-        deepest.path.iter().map(move |step| {
+fn path_rows(analysis: &Analysis) -> impl Iterator<Item = [Figure; 3]> {
+    analysis.levels.iter().flat_map(|level| {
+        level.deepest.path.iter().map(|step| {
+            let name = analysis.program.name(step.function);
             [
-                figure("function", analysis.program.name(step.function)).shown(
-                    "deepest way",
-                    "",
-                    0,
-                ),
-                figure("level", level.as_str()).shown("level", "", 0),
+                figure("function", name).shown("deepest way", "", 0),
+                figure("level", level.name.as_str()).shown("level", "", 0),
                 figure("bytes", step.bytes).shown("bytes", "", 0),
             ]
         })
-    });
-    steps.collect()
+    })
 }
 
 /// The functions with the largest stack of their own.
 fn largest(analysis: &Analysis, top: usize) -> Vec<[Figure; 4]> {
-    let mut functions: Vec<_> = analysis.calls.frames().iter().collect();
+    let mut functions: Vec<_> = analysis.calls.frames.iter().collect();
     functions.sort_by_key(|(_, frame)| std::cmp::Reverse(frame.own));
-    let functions = functions.into_iter().take(top);
-    let row = |(function, own): (u32, u32)| {
+    let rows = functions.into_iter().take(top).map(|(&function, frame)| {
         let deepest =
             (analysis.problems.is_empty()).then(|| analysis.calls.deepest(function).bytes);
         [
             figure("function", analysis.program.name(function)).shown("largest functions", "", 0),
             figure("at", format!("0x{function:x}")),
-            figure("own_bytes", own).shown("its own", "bytes", 0),
+            figure("own_bytes", frame.own).shown("its own", "bytes", 0),
             figure("bytes", deepest).shown("with its calls", "bytes", 0).or("no bound"),
         ]
-    };
-    functions.map(|(function, frame)| row((*function, frame.own))).collect()
+    });
+    rows.collect()
 }
 
 /// Every call by a pointer, with what it may reach.
 fn indirect(analysis: &Analysis) -> Vec<[Figure; 5]> {
     let program = &analysis.program;
-    let row = |function: u32, at: u32, call: &Call| {
-        let origins = call.targets.iter().filter_map(|target| match target {
-            Target::Function(_) => None,
-            Target::Pointer(Origin::Offset(offset)) => Some(format!("offset {offset}")),
-            Target::Pointer(Origin::Indexed) => Some("an array".into()),
-            Target::Pointer(Origin::Unknown) => Some("not known".into()),
-        });
-        let origins: Vec<_> = origins.collect();
-        let reached = analysis.calls.reached_by(call);
-        let names = reached.iter().map(|target| program.name(*target));
-        (!origins.is_empty()).then(|| {
-            [
-                figure("function", program.name(function)).shown("calls by a pointer", "", 0),
+    let mut found = Vec::new();
+    for (function, frame) in &analysis.calls.frames {
+        for (at, call) in &frame.calls {
+            let origins = call.targets.iter().filter_map(Target::origin);
+            let origins = origins.map(|origin| match origin {
+                Origin::Offset(offset) => format!("offset {offset}"),
+                Origin::Indexed => "an array".into(),
+                Origin::Unknown => "not known".into(),
+            });
+            let origins: Vec<String> = origins.collect();
+            if origins.is_empty() {
+                continue;
+            }
+            let reached = analysis.calls.reached_by(call);
+            let names = reached.iter().map(|target| program.name(*target));
+            found.push([
+                figure("function", program.name(*function)).shown("calls by a pointer", "", 0),
                 figure("at", format!("0x{at:x}")).shown("at", "", 0),
                 figure("from", origins.join(", ")).shown("loaded from", "", 0),
                 figure("candidates", reached.len()).shown("may reach", "functions", 0),
                 rows("targets", names).unseen(),
-            ]
-        })
-    };
-    let mut found = Vec::new();
-    for (function, frame) in analysis.calls.frames() {
-        let calls = frame.calls.iter();
-        found.extend(calls.filter_map(|(at, call)| row(*function, *at, call)));
+            ]);
+        }
     }
     found
 }
 
-fn handlers(analysis: &Analysis, seen: &Seen) -> Vec<[Figure; 3]> {
+fn handlers(analysis: &Analysis, seen: &Seen) -> impl Iterator<Item = [Figure; 3]> {
     let exceptions = analysis.handlers.range(2..seen.priorities.len());
-    let row = |(exception, handler): (&usize, &u32)| {
+    exceptions.map(|(exception, handler)| {
         [
             figure("exception", exception_name(*exception)),
             figure("handler", analysis.program.name(*handler)),
             figure("priority", f64::from(seen.priorities[*exception])),
         ]
-    };
-    exceptions.map(row).collect()
+    })
 }
 
 /// The bounds of recursion that were needed.
-fn bounds(analysis: &Analysis) -> Vec<[Figure; 3]> {
-    let row = |bound: &Bounded| {
+fn bounds(analysis: &Analysis) -> impl Iterator<Item = [Figure; 3]> {
+    analysis.bounds.iter().map(|bound| {
         [
             figure("function", bound.function.as_str()),
             figure("times", u64::from(bound.times)),
             figure("why", bound.why.as_str()),
         ]
-    };
-    needed(analysis).map(row).collect()
-}
-
-fn needed(analysis: &Analysis) -> impl Iterator<Item = &Bounded> {
-    let frames = analysis.calls.frames();
-    let names: BTreeSet<_> = frames.keys().map(|at| analysis.program.name(*at)).collect();
-    let bounds = analysis.bounds.iter();
-    bounds.filter(move |bound| names.contains(&bound.function))
+    })
 }
 
 /// What each bound of recursion says, in a sentence.
-pub fn bounds_in_words(analysis: &Analysis) -> Vec<String> {
-    let words = |bound: &Bounded| {
-        let Bounded { function, times, why } = bound;
+pub fn bounds_in_words(analysis: &Analysis) -> impl Iterator<Item = String> {
+    analysis.bounds.iter().map(|Bounded { function, times, why }| {
         let times = match times {
             1 => "once".into(),
             _ => format!("{times} times"),
         };
         format!("{function} is taken to be on the stack {times} at most: {why}.")
-    };
-    needed(analysis).map(words).collect()
+    })
 }
 
-fn problems(analysis: &Analysis) -> Vec<[Figure; 2]> {
-    let row = |problem: &super::Problem| {
+fn problems(analysis: &Analysis) -> impl Iterator<Item = [Figure; 2]> {
+    analysis.problems.iter().map(|problem| {
         [
             figure("at", analysis.program.name(problem.at)).shown("no bound", "", 0),
             figure("what", problem.what.as_str()).shown("why", "", 0),
         ]
-    };
-    analysis.problems.iter().map(row).collect()
+    })
 }

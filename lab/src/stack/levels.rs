@@ -12,36 +12,48 @@ use samd21::chip::EXCEPTIONS;
 use super::depth::{Calls, Deepest};
 
 /// Bytes that an exception stacks (ARM DDI 0419, B1.5.6), and what may align them.
-pub const FRAME_BYTES: u32 = 32 + 4;
+const FRAME_BYTES: u32 = 32 + 4;
 
-/// The exceptions of one priority.
+/// What is on the stack at the same time: main, and the exceptions of each priority.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Level {
-    /// 0 to 3, the lowest first; HardFault has -1 and NMI -2.
-    pub priority: i8,
-    /// The number of the exception whose handler goes deepest.
-    pub exception: usize,
-    /// Its way, without what the exception itself stacks.
+    /// What it is called.
+    pub name: String,
+    /// The number of the exception whose handler goes deepest; main is none.
+    pub exception: Option<usize>,
+    /// Bytes that the exception stacks.
+    pub stacked: u32,
+    /// The way of main or of the handler, without what the exception stacks.
     pub deepest: Deepest,
 }
 
-/// The priorities in use, the least urgent first, of handlers by their exception. The reset does
-/// not belong to them.
+/// Main, from the `reset`, and the priorities in use, the least urgent first, of handlers by their
+/// exception.
 pub fn levels(
+    reset: u32,
     handlers: &BTreeMap<usize, u32>,
     priorities: &[i8; EXCEPTIONS],
     calls: &Calls,
 ) -> Vec<Level> {
-    let mut levels: BTreeMap<i8, Level> = BTreeMap::new();
+    let mut of_handlers: BTreeMap<i8, (usize, Deepest)> = BTreeMap::new();
     for (&exception, &handler) in handlers.range(2..EXCEPTIONS) {
-        let level =
-            Level { priority: priorities[exception], exception, deepest: calls.deepest(handler) };
-        let known = levels.get(&level.priority);
-        if known.is_none_or(|known| known.deepest.bytes < level.deepest.bytes) {
-            levels.insert(level.priority, level);
+        let deepest = calls.deepest(handler);
+        let known = of_handlers.get(&priorities[exception]);
+        if known.is_none_or(|(_, known)| known.bytes < deepest.bytes) {
+            of_handlers.insert(priorities[exception], (exception, deepest));
         }
     }
-    levels.into_values().rev().collect()
+    let main =
+        Level { name: "main".into(), exception: None, stacked: 0, deepest: calls.deepest(reset) };
+    let mut levels = vec![main];
+    for (priority, (exception, deepest)) in of_handlers.into_iter().rev() {
+        let name = match exception {
+            2 | 3 => exception_name(exception),
+            _ => format!("priority {priority}"),
+        };
+        levels.push(Level { name, exception: Some(exception), stacked: FRAME_BYTES, deepest });
+    }
+    levels
 }
 
 /// What an exception is called.

@@ -17,7 +17,7 @@ mod tests;
 mod value;
 mod walk;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
@@ -28,11 +28,11 @@ use ::report::arguments::seconds;
 use ::report::exit::{BadInput, Verdict};
 use ::report::kind;
 use bounds::{bound, bounds};
-use depth::{Bounded, Calls, Deepest};
+use depth::{Bounded, Calls};
 use ground::flight::fly::options::start_angle;
 use ground::image::ImageOption;
-use levels::{FRAME_BYTES, Level, levels};
-use program::{Pointers, Program};
+use levels::{Level, levels};
+use program::Program;
 use walk::{Problem, explore};
 
 /// Options of `lab stack`.
@@ -97,54 +97,44 @@ pub struct Stack {
 struct Analysis {
     program: Program,
     calls: Calls,
+    /// The bounds of recursion that were needed.
     bounds: Vec<Bounded>,
     /// Why there is no bound; empty if there is one.
     problems: Vec<Problem>,
     /// Instructions among the functions that are reached which no path leads to, bytes.
     not_followed: u32,
     handlers: BTreeMap<usize, u32>,
-    /// Main, from the reset.
-    main: Deepest,
-    /// The priorities in use, the least urgent first.
+    /// Main and the priorities in use; empty without a bound.
     levels: Vec<Level>,
 }
 
 impl Analysis {
-    /// Of a program on a chip with these priorities. Where there are problems, nothing is deep.
+    /// Of a program on a chip with these priorities.
     fn of(program: Program, priorities: &[i8; EXCEPTIONS], given: &[Bounded]) -> Result<Self> {
         let handlers = program.handlers();
         let reset = *handlers
             .get(&1)
             .ok_or_else(|| BadInput::new("the image's vector table leads to no code"))?;
-        let pointers: Pointers = program.pointers();
+        let pointers = program.pointers();
         let found = explore(&program, handlers.values().copied(), &pointers);
         let not_followed = program.unreached_bytes(found.frames.keys().copied(), &found.code);
-        let calls = Calls::new(&program, found.frames, &pointers, &bounds(given));
+        let mut bounds = bounds(given);
+        let calls = Calls::new(&program, found.frames, pointers, &bounds);
+        let names: BTreeSet<_> = calls.frames.keys().map(|at| program.name(*at)).collect();
+        bounds.retain(|bound| names.contains(&bound.function));
         let mut problems: Vec<_> = found.problems.into_iter().collect();
         problems.extend(calls.recursions(&program));
-        let (main, levels) = if problems.is_empty() {
-            let levels = levels(&handlers, priorities, &calls);
-            (calls.deepest(reset), levels)
-        } else {
-            (Deepest::default(), Vec::new())
+        let levels = match problems.is_empty() {
+            true => levels(reset, &handlers, priorities, &calls),
+            false => Vec::new(),
         };
-        Ok(Self {
-            bounds: bounds(given),
-            program,
-            calls,
-            problems,
-            not_followed,
-            handlers,
-            main,
-            levels,
-        })
+        Ok(Self { program, calls, bounds, problems, not_followed, handlers, levels })
     }
 
     /// The worst case, bytes; `None` without a bound.
     fn worst(&self) -> Option<u32> {
-        let levels = self.levels.iter();
-        let levels: u32 = levels.map(|level| FRAME_BYTES + level.deepest.bytes).sum();
-        (self.problems.is_empty()).then_some(self.main.bytes + levels)
+        let bytes = self.levels.iter().map(|level| level.stacked + level.deepest.bytes);
+        (self.problems.is_empty()).then(|| bytes.sum())
     }
 }
 

@@ -3,8 +3,8 @@
 use maud::{Markup, html};
 
 use super::Analysis;
-use super::figures::{bounds_in_words, level_name};
-use super::levels::FRAME_BYTES;
+use super::figures::bounds_in_words;
+use super::levels::Level;
 use super::seen::Seen;
 use flights::requirements;
 use report::measure::{Figures, figure};
@@ -55,27 +55,19 @@ pub fn render(
 
 fn picture(analysis: &Analysis, seen: &Seen, room: u32) -> Markup {
     let scale = WIDTH / f64::from(room.max(1));
-    let name = |function| analysis.program.name(function);
-    let steps = |level: String, deepest: &super::Deepest| -> Vec<(String, u32)> {
-        let steps = deepest.path.iter();
-        let named = steps.map(|step| (format!("{level}: {}", name(step.function)), step.bytes));
-        named.collect()
+    let (mut boxes, mut x) = (Vec::new(), 0.0);
+    let mut place = |name: String, bytes: u32| {
+        boxes.push((name, bytes, x));
+        x += scale * f64::from(bytes);
     };
-    let mut boxes = steps("main".into(), &analysis.main);
-    for level in &analysis.levels {
-        let level_name = level_name(level);
-        boxes.push((format!("{level_name}: stacked by the exception"), FRAME_BYTES));
-        boxes.extend(steps(level_name, &level.deepest));
+    for Level { name: level, exception, stacked, deepest } in &analysis.levels {
+        if exception.is_some() {
+            place(format!("{level}: stacked by the exception"), *stacked);
+        }
+        for step in &deepest.path {
+            place(format!("{level}: {}", analysis.program.name(step.function)), step.bytes);
+        }
     }
-    let mut x = 0.0;
-    let placed: Vec<_> = boxes
-        .into_iter()
-        .map(|(name, bytes)| {
-            let left = x;
-            x += scale * f64::from(bytes);
-            (name, bytes, left)
-        })
-        .collect();
     let limit = figure("", 0.0).limit(requirements::STACK_PCT).range().1;
     let marks = [
         (f64::from(seen.bytes), format!("seen: {} bytes", seen.bytes), 58.0),
@@ -86,7 +78,7 @@ fn picture(analysis: &Analysis, seen: &Seen, room: u32) -> Markup {
         svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (WIDTH) " " (HEIGHT) }
             width="100%" font-family="sans-serif" font-size="12" {
             rect width=(WIDTH) height=(STACK) fill="#f2f2f2" {}
-            @for (index, (name, bytes, left)) in placed.iter().enumerate() {
+            @for (index, (name, bytes, left)) in boxes.iter().enumerate() {
                 rect x=(at(*left)) width=(at(scale * f64::from(*bytes))) height=(STACK)
                     fill=(FILLS[index % FILLS.len()]) {
                     title { (format!("{name}: {bytes} bytes")) }

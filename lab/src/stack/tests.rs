@@ -59,7 +59,7 @@ fn found(program: &Program) -> Found {
 fn calls(program: &Program, bounded: &[Bounded]) -> Calls {
     let found = found(program);
     assert_eq!(found.problems, BTreeSet::new());
-    Calls::new(program, found.frames, &program.pointers(), bounded)
+    Calls::new(program, found.frames, program.pointers(), bounded)
 }
 
 /// The deepest way from the first function, which has a bound.
@@ -194,7 +194,7 @@ fn a_call_by_a_vtable_reaches_the_methods_at_its_offset() {
             (data, "", &words),
         ]);
         let calls = calls(&program, &[]);
-        let call = &calls.frames()[&CODE].calls[&(CODE + 6)];
+        let call = &calls.frames[&CODE].calls[&(CODE + 6)];
         assert_eq!(call.targets, BTreeSet::from([Target::Pointer(from)]));
         let reached: Vec<_> = calls.reached_by(call).into_iter().collect();
         assert_eq!(reached, expected, "{from:?}");
@@ -296,7 +296,7 @@ fn bl_within_a_function_is_a_jump() {
     let program = program(&[(CODE, "f", &f)]);
     let calls = calls(&program, &[]);
     assert_eq!(calls.deepest(CODE).bytes, 8);
-    assert!(calls.frames()[&CODE].calls.is_empty());
+    assert!(calls.frames[&CODE].calls.is_empty());
 }
 
 #[test]
@@ -335,7 +335,7 @@ fn one_handler_of_each_priority_is_on_the_stack() {
     let handlers = program.handlers();
     assert_eq!(handlers.len(), 6);
     let found = explore(&program, handlers.values().copied(), &program.pointers());
-    let calls = Calls::new(&program, found.frames, &program.pointers(), &[]);
+    let calls = Calls::new(&program, found.frames, program.pointers(), &[]);
     // The tick and the first two interrupts share a priority; the third is less urgent.
     let mut priorities = [0; EXCEPTIONS];
     (priorities[2], priorities[3]) = (-2, -1);
@@ -343,10 +343,15 @@ fn one_handler_of_each_priority_is_on_the_stack() {
         priorities[number] = 1;
     }
     priorities[18] = 3;
-    let levels = levels(&handlers, &priorities, &calls);
-    let seen: Vec<_> =
-        levels.iter().map(|level| (level.priority, level.exception, level.deepest.bytes)).collect();
-    assert_eq!(seen, [(3, 18, 16), (1, 16, 60), (-1, 3, 20)]);
+    let levels = levels(handlers[&1], &handlers, &priorities, &calls);
+    let seen = levels.iter().map(|level| (&*level.name, level.exception, level.deepest.bytes));
+    let expected = [
+        ("main", None, 8),
+        ("priority 3", Some(18), 16),
+        ("priority 1", Some(16), 60),
+        ("HardFault", Some(3), 20),
+    ];
+    assert_eq!(seen.collect::<Vec<_>>(), expected);
     // With the reset's own way and what three exceptions stack: 8 + 16 + 60 + 20 + 3 * 36.
     let analysis = super::Analysis::of(program, &priorities, &[]).unwrap();
     assert_eq!(analysis.worst(), Some(212));

@@ -94,6 +94,23 @@ impl Value {
         }
     }
 
+    /// The place at an offset of what this leads to. It is no mere sum: in an image at 0 a small
+    /// number is an address as well.
+    fn displaced(self, offset: u32, program: &Program) -> Self {
+        match self {
+            AtEntry(_) | Loaded(_) => Within(offset),
+            _ => self.plus(Number(offset), program),
+        }
+    }
+
+    /// What is computed of two numbers.
+    fn combined(self, other: Self, compute: fn(u32, u32) -> u32) -> Self {
+        match (self, other) {
+            (Number(a), Number(b)) => Number(compute(a, b)),
+            _ => Unknown,
+        }
+    }
+
     fn shifted(self, by: u32) -> Self {
         match self {
             Number(n) => Number(n << by),
@@ -211,10 +228,9 @@ impl State {
 
     fn load(&self, instruction: &Instruction, width: u32, program: &Program) -> Value {
         let base = self.register(instruction.b);
-        let at = match (base, instruction.c) {
-            // Before it is added: in an image at 0 a small number is an address as well.
-            (AtEntry(_) | Loaded(_), ZERO) => Within(instruction.imm),
-            (_, index) => {
+        let at = match instruction.c {
+            ZERO => base.displaced(instruction.imm, program),
+            index => {
                 let sum = base.plus(self.register(index), program);
                 sum.plus(Number(instruction.imm), program)
             }
@@ -277,29 +293,14 @@ impl State {
             Orr => {
                 let value = match (left, sum()) {
                     (Number(0), value) | (value, Number(0)) => value,
-                    (Number(a), Number(b)) => Number(a | b),
-                    _ => Unknown,
+                    (one, other) => one.combined(other, |one, other| one | other),
                 };
                 self.set(a, value);
             }
-            And | Eor | Bic => {
-                let value = match (left, sum()) {
-                    (Number(a), Number(b)) => Number(match instruction.operation {
-                        And => a & b,
-                        Eor => a ^ b,
-                        _ => a & !b,
-                    }),
-                    _ => Unknown,
-                };
-                self.set(a, value);
-            }
-            Mvn => {
-                let value = match right {
-                    Number(n) => Number(!n),
-                    _ => Unknown,
-                };
-                self.set(a, value);
-            }
+            And => self.set(a, left.combined(sum(), |one, other| one & other)),
+            Eor => self.set(a, left.combined(sum(), |one, other| one ^ other)),
+            Bic => self.set(a, left.combined(sum(), |one, other| one & !other)),
+            Mvn => self.set(a, right.combined(right, |one, _| !one)),
             LslImmediate => self.set(a, left.shifted(imm)),
             LdrLiteral => self.set(a, program.word(imm).map_or(Unknown, Number)),
             Ldr => self.set(a, self.load(instruction, 4, program)),
@@ -341,11 +342,7 @@ impl State {
         }
         self.set(instruction.a, behind);
         for (register, offset) in list.zip((0..).step_by(4)) {
-            let at = match base {
-                AtEntry(_) | Loaded(_) => Within(offset),
-                _ => base.plus(Number(offset), program),
-            };
-            self.set(register, self.read(at, 4, program));
+            self.set(register, self.read(base.displaced(offset, program), 4, program));
         }
     }
 }

@@ -27,7 +27,7 @@ use samd21::code::{Instruction, Operation};
 
 use super::program::{Pointers, Program};
 use super::value::{LR, Origin, State, Table, Value};
-use table::Tables;
+use table::{Place, Tables};
 
 /// The least that a function has been seen to use, and whom it calls.
 #[derive(Clone, Debug, Default)]
@@ -56,6 +56,16 @@ pub enum Target {
     Function(u32),
     /// Any function that a pointer from there may lead to.
     Pointer(Origin),
+}
+
+impl Target {
+    /// Whence the pointer comes, of a call by one.
+    pub fn origin(&self) -> Option<Origin> {
+        match self {
+            Self::Function(_) => None,
+            Self::Pointer(origin) => Some(*origin),
+        }
+    }
 }
 
 /// Why the stack has no proven bound.
@@ -109,7 +119,14 @@ pub fn explore(
     entries: impl IntoIterator<Item = u32>,
     pointers: &Pointers,
 ) -> Found {
-    let mut walk = Walk::new(program);
+    let mut walk = Walk {
+        program,
+        frames: BTreeMap::new(),
+        states: BTreeMap::new(),
+        queue: Vec::new(),
+        tables: Tables::default(),
+        problems: BTreeSet::new(),
+    };
     for entry in entries {
         walk.follow(entry);
     }
@@ -143,18 +160,7 @@ struct Walk<'a> {
     problems: BTreeSet<Problem>,
 }
 
-impl<'a> Walk<'a> {
-    fn new(program: &'a Program) -> Self {
-        Self {
-            program,
-            frames: BTreeMap::new(),
-            states: BTreeMap::new(),
-            queue: Vec::new(),
-            tables: Tables::default(),
-            problems: BTreeSet::new(),
-        }
-    }
-
+impl Walk<'_> {
     /// Follows a function and all that it calls by a known address.
     fn follow(&mut self, function: u32) {
         self.reach(function);
@@ -175,12 +181,7 @@ impl<'a> Walk<'a> {
     /// Whence the pointers come by which functions are called.
     fn origins(&self) -> BTreeSet<Origin> {
         let calls = self.frames.values().flat_map(|frame| frame.calls.values());
-        let targets = calls.flat_map(|call| &call.targets);
-        let origins = targets.filter_map(|target| match target {
-            Target::Function(_) => None,
-            Target::Pointer(origin) => Some(*origin),
-        });
-        origins.collect()
+        calls.flat_map(|call| &call.targets).filter_map(Target::origin).collect()
     }
 
     fn reach(&mut self, function: u32) {
@@ -194,9 +195,8 @@ impl<'a> Walk<'a> {
         self.frames.entry(function).or_default()
     }
 
-    fn problem(&mut self, at: u32, what: impl Into<String>) {
-        let what = what.into();
-        self.problems.insert(Problem { at, what });
+    fn problem(&mut self, at: u32, what: &str) {
+        self.problems.insert(Problem { at, what: what.into() });
     }
 
     /// Goes on at an address of the same function, unless all that is new there is known.
@@ -261,7 +261,6 @@ impl<'a> Walk<'a> {
             operation if (Operation::Beq..=Operation::Ble).contains(&operation) => {
                 self.jump(place, instruction.imm, state);
                 self.go(function, at + length, state);
-                Next::Over
             }
             Branch => self.jump(place, instruction.imm, state),
             Bl => {
@@ -269,9 +268,10 @@ impl<'a> Walk<'a> {
                 let is_inside = self.is_inside(function, target) && target != function;
                 if is_inside && !self.program.is_entry(target) {
                     state.set(LR as u8, Value::Unknown);
-                    return self.jump(place, target, state);
+                    self.jump(place, target, state);
+                } else {
+                    self.call(place, at + length, target, state);
                 }
-                self.call(place, at + length, target, state)
             }
             Blx => match state.register(instruction.b) {
                 Value::Number(target) => self.call(place, at + length, target & !1, state),
@@ -279,47 +279,37 @@ impl<'a> Walk<'a> {
                     self.note_call(place, pointer(value), state);
                     state.called();
                     self.go(function, at + length, state);
-                    Next::Over
                 }
             },
             Bx => self.leave(place, state.register(instruction.b), state),
             PopPc => {
                 let pop = Instruction { operation: Operation::Pop, ..*instruction };
                 state.step(&pop, self.program);
-                let target = state.pop();
-                match target {
-                    Value::AtEntry(14) | Value::Number(_) => self.leave(place, target, state),
-                    _ => {
-                        self.problem(at, "pops an address that is not the one to return to");
-                        Next::Over
+                match state.pop() {
+                    target @ (Value::AtEntry(14) | Value::Number(_)) => {
+                        self.leave(place, target, state);
                     }
+                    _ => self.problem(at, "pops an address that is not the one to return to"),
                 }
             }
-            Other => self.other(place, length, op, state),
+            Other => return self.other(place, length, op, state),
             _ => {
                 state.step(instruction, self.program);
-                Next::Behind
+                return Next::Behind;
             }
         }
+        Next::Over
     }
 
     /// A jump by an entry of a table.
-    fn jump_by(
-        &mut self,
-        place: (u32, u32),
-        table: Table,
-        from: Option<u32>,
-        state: &State,
-    ) -> Next {
+    fn jump_by(&mut self, place: Place, table: Table, from: Option<u32>, state: &State) {
         for target in self.tables.note(place, table, from, state) {
             self.go(place.0, target, &self.tables.state(place));
         }
-        Next::Over
     }
 
-    fn lost(&mut self, at: u32) -> Next {
+    fn lost(&mut self, at: u32) {
         self.problem(at, "jumps to what is not known");
-        Next::Over
     }
 
     /// Whether an address is one of a function.
@@ -329,77 +319,59 @@ impl<'a> Walk<'a> {
     }
 
     /// A jump to a known address: within the function, or a tail call.
-    fn jump(&mut self, place: (u32, u32), target: u32, state: &State) -> Next {
-        if target == place.0 || !self.program.is_entry(target) {
-            self.go(place.0, target, state);
-        } else {
-            self.tail_call(place, target, state);
+    fn jump(&mut self, place: Place, target: u32, state: &State) {
+        let (function, at) = place;
+        if target == function || !self.program.is_entry(target) {
+            return self.go(function, target, state);
         }
-        Next::Over
-    }
-
-    fn tail_call(&mut self, place: (u32, u32), target: u32, state: &State) {
-        self.note_call(place, Target::Function(target), state);
-        self.reach(target);
-        let waiting =
-            Waiting::Caller { function: place.0, at: place.1, would_return: state.would_return() };
-        self.wait(target, waiting);
+        let would_return = state.would_return();
+        self.enter(place, target, state, Waiting::Caller { function, at, would_return });
     }
 
     /// A call of a known function, after which the path goes on at `behind`.
-    fn call(&mut self, place: (u32, u32), behind: u32, target: u32, state: &mut State) -> Next {
-        self.note_call(place, Target::Function(target), state);
-        self.reach(target);
+    fn call(&mut self, place: Place, behind: u32, target: u32, state: &State) {
         let mut after = state.clone();
         after.called();
-        let waiting = Waiting::Path(Box::new(Path { function: place.0, at: behind, state: after }));
-        self.wait(target, waiting);
-        Next::Over
+        let path = Path { function: place.0, at: behind, state: after };
+        self.enter(place, target, state, Waiting::Path(Box::new(path)));
     }
 
-    /// BX and what is like it: a return, or a tail call.
-    fn leave(&mut self, place: (u32, u32), to: Value, state: &State) -> Next {
-        match to {
-            Value::AtEntry(14) => {
-                if state.is_unwound() {
-                    self.returns(place.0);
-                } else {
-                    self.problem(place.1, "returns with its stack in use");
-                }
-            }
-            Value::Number(target) => {
-                self.jump(place, target & !1, state);
-            }
-            value => {
-                self.note_call(place, pointer(value), state);
-                if state.would_return() {
-                    self.returns(place.0);
-                } else {
-                    self.problem(
-                        place.1,
-                        "jumps by a pointer, and whence that returns is not known",
-                    );
-                }
-            }
-        }
-        Next::Over
-    }
-
-    fn note_call(&mut self, place: (u32, u32), target: Target, state: &State) {
-        let depth = state.depth().unwrap_or(0).unsigned_abs();
-        let calls = &mut self.frame(place.0).calls;
-        let call = calls.entry(place.1).or_default();
-        call.depth = call.depth.max(depth);
-        call.targets.insert(target);
-    }
-
-    fn wait(&mut self, target: u32, waiting: Waiting) {
+    /// Goes to another function; what is `waiting` goes on if that one returns.
+    fn enter(&mut self, place: Place, target: u32, state: &State, waiting: Waiting) {
+        self.note_call(place, Target::Function(target), state);
+        self.reach(target);
         let frame = self.frame(target);
         if frame.returns {
             self.resume(waiting);
         } else {
             frame.waiting.push(waiting);
         }
+    }
+
+    /// BX and what is like it: a return, or a tail call.
+    fn leave(&mut self, place: Place, to: Value, state: &State) {
+        let (function, at) = place;
+        match to {
+            Value::AtEntry(14) if state.is_unwound() => self.returns(function),
+            Value::AtEntry(14) => self.problem(at, "returns with its stack in use"),
+            Value::Number(target) => self.jump(place, target & !1, state),
+            value => {
+                self.note_call(place, pointer(value), state);
+                if state.would_return() {
+                    self.returns(function);
+                } else {
+                    self.problem(at, "jumps by a pointer, and whence that returns is not known");
+                }
+            }
+        }
+    }
+
+    fn note_call(&mut self, place: Place, target: Target, state: &State) {
+        let depth = state.depth().unwrap_or(0).unsigned_abs();
+        let calls = &mut self.frame(place.0).calls;
+        let call = calls.entry(place.1).or_default();
+        call.depth = call.depth.max(depth);
+        call.targets.insert(target);
     }
 
     fn returns(&mut self, function: u32) {

@@ -51,9 +51,9 @@ fn every_branch_of_a_run_was_followed() {
     let found = explore(&program, handlers.values().copied(), &pointers);
     assert!(found.problems.is_empty(), "{:?}", found.problems);
     let code = found.code;
-    let calls = Calls::new(&program, found.frames, &pointers, &[]);
+    let calls = Calls::new(&program, found.frames, pointers, &[]);
     let known: BTreeMap<_, _> = calls
-        .frames()
+        .frames
         .values()
         .flat_map(|frame| &frame.calls)
         .map(|(at, call)| (*at, calls.reached_by(call)))
