@@ -184,10 +184,10 @@ fn noise(seed: u64) -> impl Iterator<Item = u64> {
 
 /// An array that is made on the heap: it is too large for a stack.
 fn filled<const N: usize>(byte: u8) -> Box<[u8; N]> {
-    match vec![byte; N].into_boxed_slice().try_into() {
-        Ok(array) => array,
-        Err(_) => unreachable!("the vector was made N long"),
-    }
+    let Ok(array) = vec![byte; N].into_boxed_slice().try_into() else {
+        unreachable!("the vector was made N long");
+    };
+    array
 }
 
 /// Where `len` bytes at `address` lie in a memory of `size` bytes at `base`.
