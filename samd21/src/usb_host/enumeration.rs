@@ -1,9 +1,10 @@
 //! What the host asks of the device, and in which order.
 
 use super::control::Transfer;
-use super::pipe::{Pipe, PipeState};
+use super::descriptors::SerialPort;
 use super::request::{Request, Text};
-use super::{ATTEMPTS, Enumeration, Host, HostError, Phase, RESET, SerialPort, Session, System};
+use super::transaction::{Pipe, PipeState};
+use super::{ATTEMPTS, Enumeration, Host, HostError, Phase, RESET, Session, System};
 use crate::board::Ticks;
 
 /// The address that the host gives.
