@@ -10,8 +10,9 @@ pub struct Options {
     /// Flash wait states, whatever the firmware writes to NVMCTRL.CTRLB.RWS: to measure what they
     /// cost. None leaves them to the firmware.
     pub wait_states: Option<u8>,
-    /// How long registers stay in synchronisation after a write.
-    pub syncbusy_hold: SyncHold,
+    /// How long a SYNCBUSY flag stays set after a write to a synchronised register. Zero: not at all,
+    /// the write takes effect at once. More shows code that does not wait.
+    pub syncbusy_hold: Ticks,
     /// Error of the DFLL's frequency with the factory's COARSE and FINE 0x1FF, ppm. Without a
     /// reference such chips run at 46.5 to 48 MHz.
     pub dfll_error_ppm: i32,
@@ -43,7 +44,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             wait_states: None,
-            syncbusy_hold: SyncHold::Instant,
+            syncbusy_hold: Ticks::ZERO,
             dfll_error_ppm: 0,
             dfll_drift_ppm_s: 0,
             osculp32k_hz: 32_768,
@@ -58,13 +59,4 @@ impl Default for Options {
             seed: 0,
         }
     }
-}
-
-/// How long a SYNCBUSY flag stays set after a write to a synchronised register.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SyncHold {
-    /// Not at all: the write takes effect at once.
-    Instant,
-    /// This long: shows code that does not wait.
-    For(Ticks),
 }

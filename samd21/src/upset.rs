@@ -52,13 +52,13 @@ impl Chip {
     /// again.
     pub fn stop_dfll(&mut self, stopped: bool) {
         let now = self.now();
-        self.peripherals.disturb(now, |sysctrl| sysctrl.stop_dfll(stopped));
+        self.peripherals.disturb(now, |sysctrl| sysctrl.dfll_stopped = stopped);
     }
 
     /// Moves the DFLL's frequency by a relative error, ppm, beside what it has already.
     pub fn shift_dfll(&mut self, ppm: f64) {
         let now = self.now();
-        self.peripherals.disturb(now, |sysctrl| sysctrl.shift_dfll(ppm));
+        self.peripherals.disturb(now, |sysctrl| sysctrl.dfll.shift(ppm));
     }
 
     /// Lets OSCULP32K run at another rate, Hz. What its clocks have counted stays counted.
