@@ -34,8 +34,6 @@ pub struct Options {
     pub watchdog_bites: bool,
     /// The operating system of the USB host.
     pub host: System,
-    /// The 128-bit serial number, word 0 first (0x0080_A00C, 0x0080_A040, 44, 48).
-    pub serial_number: [u32; 4],
     /// Decides what is random in a chip: the noise in SRAM at power-on.
     pub seed: u64,
 }
@@ -55,7 +53,6 @@ impl Default for Options {
             crc_word_cycles: 4,
             watchdog_bites: true,
             host: System::Bare,
-            serial_number: [0x5D21_0001, 0x5D21_0002, 0x5D21_0003, 0x5D21_0004],
             seed: 0,
         }
     }

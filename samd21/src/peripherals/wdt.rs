@@ -76,7 +76,7 @@ impl Wdt {
         }
     }
 
-    /// A reset has ended: it runs if the user row says so.
+    /// It starts if it is enabled: after a reset the user row says so.
     pub(crate) fn power_up(&mut self, now: Ticks) {
         if self.ctrl & ENABLE != 0 {
             self.start(now);
@@ -160,9 +160,7 @@ impl Wdt {
                 if mask == ENABLE {
                     self.early_warning = Ticks::NEVER;
                     self.timeout = Ticks::NEVER;
-                    if self.ctrl & ENABLE != 0 {
-                        self.start(now);
-                    }
+                    self.power_up(now);
                 }
             }
             (0x00, 1) => self.config ^= mask,
