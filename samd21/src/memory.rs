@@ -143,9 +143,9 @@ impl Memory {
         Some(())
     }
 
-    /// Undoes in part what has changed flash since it held `before` at `address`: of the bits that
-    /// differ, each is as it is now with a probability of `share`, and as it was otherwise. `None`,
-    /// and nothing is undone, outside of flash.
+    /// An erase or a write that was interrupted, since which flash at `address` differs from
+    /// `before`: each changed bit keeps its new value with a probability of `share`, else it gets
+    /// its old one. `None`, and nothing is undone, outside of flash.
     #[must_use]
     pub(crate) fn undo_in_part(
         &mut self,

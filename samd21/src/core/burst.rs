@@ -1,8 +1,8 @@
 //! Runs of instructions that need nothing but registers, flags, SRAM and flash: nearly all of them.
 //!
 //! A burst goes on until the deadline, or until an instruction needs a peripheral, faults, or may
-//! change what interrupts the core. That one is left to `execute`, untouched but for the fetch of
-//! its half-word, which hits the flash's cache when it is fetched again.
+//! change what interrupts the core. `execute` runs that one from its start. Its half-word is then
+//! fetched twice; the second fetch hits the cache and costs nothing.
 
 use super::access::{Ram, block, read, word, write};
 use super::decode::{Instruction, Operation};
@@ -177,9 +177,9 @@ impl Core {
                 misses!(pc);
                 line = pc / 8;
             }
-            // What is executed most is found by comparisons: each of them the host foresees. A jump
-            // to one of many places it foresees in small programs only. The order of `Operation` is
-            // made for this.
+            // The most frequent operations are found by comparisons, which the host's branch
+            // predictor learns one by one; one jump table it learns only in small programs. The
+            // order of `Operation` is made for this.
             let x = reg!(i.b);
             let y = reg!(i.c).wrapping_add(i.imm);
             if i.operation <= Sbc {

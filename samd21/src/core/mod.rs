@@ -105,7 +105,8 @@ pub(crate) struct Core {
     /// The event register of WFE.
     event: bool,
     sleep: Option<Sleep>,
-    /// It has slept since its last WFI or WFE, not found something pending.
+    /// The last WFI or WFE really put the core to sleep: it did not return at once for something
+    /// that was pending.
     slept: bool,
     /// How long it takes to wake.
     wake_up: u64,

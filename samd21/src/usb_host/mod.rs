@@ -116,8 +116,8 @@ pub struct Host {
     phase: Phase,
     due: Ticks,
     next_frame: Ticks,
-    /// Until then the device answers all that it is asked with NAK, unless one of the two does
-    /// something: who runs the device need not stop for the host before.
+    /// Until this time every token would be answered with NAK, if neither side acts; the chip need
+    /// not stop for the host before it.
     quiet_until: Ticks,
     frame: u16,
     attempts: u8,
