@@ -47,6 +47,5 @@ pub use image::Image;
 pub use observe::{ground_truth, measure, waves};
 pub use rig::{LIVE_KEYS, ProgramEnd, Rig, RigConfig, RigError};
 
-pub use samd21::SyncHold;
 pub use samd21::board::Ticks;
 pub use samd21::peripherals::ResetCause;

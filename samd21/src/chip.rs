@@ -12,8 +12,10 @@ use crate::fault::Fault;
 use crate::memory::{FLASH_SIZE, Memory, RAM_SIZE};
 use crate::options::Options;
 use crate::peripherals::{Peripherals, ResetCause, Width};
-use crate::upset::STOPPED_STEP;
 use crate::usb_host::Host;
+
+/// Times at which a stopped CPU is looked at again.
+const STOPPED_STEP: Ticks = Ticks::from_us(100);
 
 /// An ATSAMD21 with 256 KB of flash and 32 KB of SRAM.
 #[derive(Clone)]
@@ -72,11 +74,6 @@ impl Chip {
         let stop = core.run(&mut bus, until);
         bus.settle(core.now());
         stop
-    }
-
-    /// Executes one instruction, or takes one exception, or sleeps for one tick.
-    pub fn step(&mut self, board: &mut dyn Board) -> Stop {
-        self.run_until(self.now() + Ticks(1), board)
     }
 
     /// Lets time pass for the peripherals while the core stands still: what a bootloader that is

@@ -19,4 +19,4 @@ pub mod upset;
 pub mod usb_host;
 
 pub use chip::Chip;
-pub use options::{Options, SyncHold};
+pub use options::Options;

@@ -143,9 +143,9 @@ impl Memory {
         Some(())
     }
 
-    /// Undoes in part what has changed flash since it held `before` at `address`: of the bits that
-    /// differ, each is as it is now with a probability of `share`, and as it was otherwise. `None`,
-    /// and nothing is undone, outside of flash.
+    /// An erase or a write that was interrupted, since which flash at `address` differs from
+    /// `before`: each changed bit keeps its new value with a probability of `share`, else it gets
+    /// its old one. `None`, and nothing is undone, outside of flash.
     #[must_use]
     pub(crate) fn undo_in_part(
         &mut self,
@@ -184,10 +184,10 @@ fn noise(seed: u64) -> impl Iterator<Item = u64> {
 
 /// An array that is made on the heap: it is too large for a stack.
 fn filled<const N: usize>(byte: u8) -> Box<[u8; N]> {
-    match vec![byte; N].into_boxed_slice().try_into() {
-        Ok(array) => array,
-        Err(_) => unreachable!("the vector was made N long"),
-    }
+    let Ok(array) = vec![byte; N].into_boxed_slice().try_into() else {
+        unreachable!("the vector was made N long");
+    };
+    array
 }
 
 /// Where `len` bytes at `address` lie in a memory of `size` bytes at `base`.

@@ -10,8 +10,9 @@ pub struct Options {
     /// Flash wait states, whatever the firmware writes to NVMCTRL.CTRLB.RWS: to measure what they
     /// cost. None leaves them to the firmware.
     pub wait_states: Option<u8>,
-    /// How long registers stay in synchronisation after a write.
-    pub syncbusy_hold: SyncHold,
+    /// How long a SYNCBUSY flag stays set after a write to a synchronised register: zero for a write
+    /// that takes effect at once, more to show code that does not wait.
+    pub syncbusy_hold: Ticks,
     /// Error of the DFLL's frequency with the factory's COARSE and FINE 0x1FF, ppm. Without a
     /// reference such chips run at 46.5 to 48 MHz.
     pub dfll_error_ppm: i32,
@@ -33,8 +34,6 @@ pub struct Options {
     pub watchdog_bites: bool,
     /// The operating system of the USB host.
     pub host: System,
-    /// The 128-bit serial number, word 0 first (0x0080_A00C, 0x0080_A040, 44, 48).
-    pub serial_number: [u32; 4],
     /// Decides what is random in a chip: the noise in SRAM at power-on.
     pub seed: u64,
 }
@@ -43,7 +42,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             wait_states: None,
-            syncbusy_hold: SyncHold::Instant,
+            syncbusy_hold: Ticks::ZERO,
             dfll_error_ppm: 0,
             dfll_drift_ppm_s: 0,
             osculp32k_hz: 32_768,
@@ -54,17 +53,7 @@ impl Default for Options {
             crc_word_cycles: 4,
             watchdog_bites: true,
             host: System::Bare,
-            serial_number: [0x5D21_0001, 0x5D21_0002, 0x5D21_0003, 0x5D21_0004],
             seed: 0,
         }
     }
-}
-
-/// How long a SYNCBUSY flag stays set after a write to a synchronised register.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SyncHold {
-    /// Not at all: the write takes effect at once.
-    Instant,
-    /// This long: shows code that does not wait.
-    For(Ticks),
 }

@@ -1,11 +1,11 @@
 //! The peripherals driven by addresses, as firmware does: for tests.
 
+use crate::Options;
 use crate::board::{Board, Ticks, Unconnected};
 use crate::bus::Bus;
 use crate::memory::Memory;
 use crate::peripherals::{BusError, Peripherals, ResetCause, Width};
 use crate::usb_host::{Host, System};
-use crate::{Options, SyncHold};
 
 pub(crate) const PM_APBCMASK: u32 = 0x4000_0420;
 pub(crate) const SYSCTRL: u32 = 0x4000_0800;
@@ -24,7 +24,7 @@ pub(crate) struct Bench<B: Board = Unconnected> {
 }
 
 impl<B: Board> Bench<B> {
-    pub(crate) fn new(hold: SyncHold, board: B) -> Self {
+    pub(crate) fn new(hold: Ticks, board: B) -> Self {
         let options = Options { syncbusy_hold: hold, ..Options::default() };
         Self::with(&options, board)
     }

@@ -18,7 +18,7 @@
 //! | core | SysTick's CSR (ENABLE, TICKINT) and RVR, the NVIC's enables and priorities |
 
 use crate::Chip;
-use crate::board::{Board, Ticks};
+use crate::board::Board;
 
 /// Addresses of the core's registers whose bits flip: SysTick's, the NVIC's enables, and its
 /// priorities, a word for four interrupts.
@@ -52,13 +52,13 @@ impl Chip {
     /// again.
     pub fn stop_dfll(&mut self, stopped: bool) {
         let now = self.now();
-        self.peripherals.disturb(now, |sysctrl| sysctrl.stop_dfll(stopped));
+        self.peripherals.disturb(now, |sysctrl| sysctrl.dfll_stopped = stopped);
     }
 
     /// Moves the DFLL's frequency by a relative error, ppm, beside what it has already.
     pub fn shift_dfll(&mut self, ppm: f64) {
         let now = self.now();
-        self.peripherals.disturb(now, |sysctrl| sysctrl.shift_dfll(ppm));
+        self.peripherals.disturb(now, |sysctrl| sysctrl.dfll.shift(ppm));
     }
 
     /// Lets OSCULP32K run at another rate, Hz. What its clocks have counted stays counted.
@@ -74,14 +74,11 @@ impl Chip {
     }
 }
 
-/// Times at which a stopped CPU is looked at again.
-pub(crate) const STOPPED_STEP: Ticks = Ticks::from_us(100);
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::Options;
-    use crate::board::Unconnected;
+    use crate::board::{Ticks, Unconnected};
     use crate::chip::Stop;
     use crate::tests::Bench;
 

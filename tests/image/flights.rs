@@ -4,7 +4,7 @@ use crate::{firmware, ready};
 use client::{Failure, Parameter, StateKind};
 use rig::ground_station::GroundStationError;
 use rig::replay::{pair, parity};
-use rig::{Ready, ServoKind, Setup, SyncHold, Ticks, fly_at_once, prepare};
+use rig::{Ready, ServoKind, Setup, Ticks, fly_at_once, prepare};
 use tvc_nano::Axis;
 use tvc_nano::params::FilterKind;
 
@@ -143,7 +143,7 @@ fn flies_with_the_slow_bus_of_a_long_cable() {
 #[test]
 fn flies_with_synchronisation_held() {
     let mut setup = Setup::with_polarity(ServoKind::S3003, 2);
-    setup.rig.hardware.chip.syncbusy_hold = SyncHold::For(Ticks::from_us(10));
+    setup.rig.hardware.chip.syncbusy_hold = Ticks::from_us(10);
     let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     let flight = ready.fly(0.4, 0.2, 3.0, &mut |_| {}).unwrap();
     assert!(flight.response(Axis::Pitch).unwrap().settling_s(0.05).is_some_and(|s| s <= 0.9));

@@ -178,7 +178,9 @@ pub(super) fn block(ram: &mut Ram, address: u32, count: u8) -> Option<&mut [u8]>
 fn refused(error: BusError, unmapped: FaultKind) -> Box<Trap> {
     match error.refusal {
         Refusal::Unmapped => Trap::Fault(unmapped).into(),
-        refusal if refusal.is_exception() => Trap::Fault(FaultKind::Peripheral(error)).into(),
+        Refusal::Protected | Refusal::Exception(_) => {
+            Trap::Fault(FaultKind::Peripheral(error)).into()
+        }
         _ => Trap::Unmodelled(FaultKind::Peripheral(error)).into(),
     }
 }

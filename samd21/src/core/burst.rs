@@ -1,13 +1,11 @@
 //! Runs of instructions that need nothing but registers, flags, SRAM and flash: nearly all of them.
 //!
 //! A burst goes on until the deadline, or until an instruction needs a peripheral, faults, or may
-//! change what interrupts the core. That one is left to `execute`, untouched but for the fetch of
-//! its half-word, which hits the flash's cache when it is fetched again.
-
-use std::borrow::Borrow;
+//! change what interrupts the core. `execute` runs that one from its start. Its half-word is then
+//! fetched twice; the second fetch hits the cache and costs nothing.
 
 use super::access::{Ram, block, read, word, write};
-use super::decode::{Code, Instruction, Operation};
+use super::decode::{Instruction, Operation};
 use super::flags::{CONDITIONS, RULES};
 use super::transfer::bits;
 use super::{Core, FLASH_LINES, LR, REGISTERS, SP, TRAIL};
@@ -16,44 +14,12 @@ use crate::memory::{FLASH_SIZE, Memory, RAM_BASE};
 /// No line of the flash.
 const NO_LINE: u32 = u32::MAX;
 
-/// Where a burst's instructions come from.
-trait Source {
-    /// The flash's cache takes part in a fetch.
-    const CACHED: bool;
-    /// An instruction, by reference where it is stored.
-    type Item<'a>: Borrow<Instruction>;
-    /// The instruction at `pc`, if this is where it comes from.
-    fn at<'a>(code: &'a Code, ram: &Ram, pc: u32) -> Option<Self::Item<'a>>;
-}
-
-/// Flash, decoded beforehand.
-struct FromFlash;
-
-impl Source for FromFlash {
-    const CACHED: bool = true;
-
-    type Item<'a> = &'a Instruction;
-
-    #[inline(always)]
-    fn at<'a>(code: &'a Code, _: &Ram, pc: u32) -> Option<&'a Instruction> {
-        code.at(pc)
-    }
-}
-
-/// SRAM, decoded each time: its contents change.
-struct FromRam;
-
-impl Source for FromRam {
-    const CACHED: bool = false;
-
-    type Item<'a> = Instruction;
-
-    fn at(_: &Code, ram: &Ram, pc: u32) -> Option<Instruction> {
-        let at = pc.wrapping_sub(RAM_BASE);
-        let op = read::<2, _>(ram, at)?;
-        let second = read::<2, _>(ram, at.wrapping_add(2)).unwrap_or(0);
-        Some(Instruction::decode(pc, op as u16, second as u16))
-    }
+/// The instruction at `pc` of the SRAM, decoded each time: its contents change.
+fn from_ram(ram: &Ram, pc: u32) -> Option<Instruction> {
+    let at = pc.wrapping_sub(RAM_BASE);
+    let op = read::<2, _>(ram, at)?;
+    let second = read::<2, _>(ram, at.wrapping_add(2)).unwrap_or(0);
+    Some(Instruction::decode(pc, op as u16, second as u16))
 }
 
 impl Core {
@@ -62,14 +28,15 @@ impl Core {
     #[inline(always)]
     pub(super) fn burst(&mut self, memory: &mut Memory) -> bool {
         if self.pc < FLASH_SIZE {
-            self.burst_from::<FromFlash>(memory)
+            self.burst_from::<true>(memory)
         } else {
-            self.burst_from::<FromRam>(memory)
+            self.burst_from::<false>(memory)
         }
     }
 
+    /// A burst of instructions that come from flash, or of such from SRAM.
     #[inline(never)]
-    fn burst_from<S: Source>(&mut self, memory: &mut Memory) -> bool {
+    fn burst_from<const IN_FLASH: bool>(&mut self, memory: &mut Memory) -> bool {
         use Operation::*;
         let budget = self.cycles_to_deadline();
         let wait_states = self.wait_states as i64;
@@ -106,7 +73,7 @@ impl Core {
         macro_rules! fetch_second {
             () => {
                 let second = pc.wrapping_add(2);
-                if S::CACHED && second / 8 != line && misses!(second) {
+                if IN_FLASH && second / 8 != line && misses!(second) {
                     line = NO_LINE;
                 }
             };
@@ -195,18 +162,24 @@ impl Core {
             if clock < 1 << 32 {
                 break false;
             }
-            let Some(instruction) = S::at(code, ram, pc) else {
+            let decoded;
+            let found = if IN_FLASH {
+                code.at(pc)
+            } else {
+                decoded = from_ram(ram, pc);
+                decoded.as_ref()
+            };
+            let Some(i) = found else {
                 // Perhaps another burst can execute it.
                 break clock as u32 == 0;
             };
-            let i: &Instruction = instruction.borrow();
-            if S::CACHED && pc / 8 != line {
+            if IN_FLASH && pc / 8 != line {
                 misses!(pc);
                 line = pc / 8;
             }
-            // What is executed most is found by comparisons: each of them the host foresees. A jump
-            // to one of many places it foresees in small programs only. The order of `Operation` is
-            // made for this.
+            // The most frequent operations are found by comparisons, which the host's branch
+            // predictor learns one by one; one jump table it learns only in small programs. The
+            // order of `Operation` is made for this.
             let x = reg!(i.b);
             let y = reg!(i.c).wrapping_add(i.imm);
             if i.operation <= Sbc {

@@ -296,17 +296,17 @@ pub fn high_fields(op: u16) -> (usize, usize) {
 }
 
 /// Whether a 32-bit encoding is BL.
-pub(super) fn is_bl(encoding: u32) -> bool {
+fn is_bl(encoding: u32) -> bool {
     encoding & 0xF800_D000 == 0xF000_D000
 }
 
 /// Whether a 32-bit encoding is DSB, DMB or ISB.
-pub(super) fn is_barrier(encoding: u32) -> bool {
+fn is_barrier(encoding: u32) -> bool {
     matches!(encoding & 0xFFFF_FFF0, 0xF3BF_8F40 | 0xF3BF_8F50 | 0xF3BF_8F60)
 }
 
 /// The offset of a BL from the address behind it: S:I1:I2:imm10:imm11:0.
-pub(super) fn bl_offset(encoding: u32) -> u32 {
+fn bl_offset(encoding: u32) -> u32 {
     let s = encoding >> 26 & 1;
     let i1 = !(encoding >> 13 ^ s) & 1;
     let i2 = !(encoding >> 11 ^ s) & 1;

@@ -6,6 +6,7 @@
 //! Simplified: a fault while unstacking is taken at the return instruction, and one that ARM calls
 //! unpredictable (an EXC_RETURN that fits neither nesting nor stacked xPSR) raises HardFault.
 
+use super::flags::Flags;
 use super::nvic::{HARD_FAULT, SVCALL};
 use super::system_control::SCR_SLEEPONEXIT;
 use super::view::Stop;
@@ -142,7 +143,7 @@ impl Core {
         self.r[LR] = lr;
         self.pc = pc & !1;
         self.thumb = xpsr & XPSR_THUMB != 0;
-        self.set_apsr(xpsr);
+        self.flags = Flags::of(xpsr);
         let padding = if xpsr & XPSR_ALIGNED != 0 { 4 } else { 0 };
         self.set_sp(frame.wrapping_add(FRAME_BYTES) | padding);
         self.event = true;

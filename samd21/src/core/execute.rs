@@ -88,7 +88,7 @@ impl Core {
             0x2FC..=0x2FF => self.hint(op),
             0x37C..=0x37F => Err(Trap::SupervisorCall.into()),
             0x3A0..=0x3FF => self.wide(bus, op, pc),
-            _ => Err(undefined(op)),
+            _ => Err(undefined(op.into())),
         }
     }
 

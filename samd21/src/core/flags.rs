@@ -32,25 +32,15 @@ impl Flags {
 
     /// The flags in bits 31 to 28.
     pub(super) fn bits(self) -> u32 {
-        u32::from(self.n()) << 31
+        u32::from(self.nz < 0) << 31
             | u32::from(self.z()) << 30
             | u32::from(self.c) << 29
-            | u32::from(self.v()) << 28
-    }
-
-    #[inline(always)]
-    pub(super) fn n(self) -> bool {
-        self.nz < 0
+            | self.v >> 31 << 28
     }
 
     #[inline(always)]
     pub(super) fn z(self) -> bool {
         self.nz as u32 == 0
-    }
-
-    #[inline(always)]
-    pub(super) fn v(self) -> bool {
-        (self.v as i32) < 0
     }
 
     /// N and Z of a result, which is returned.
@@ -131,19 +121,12 @@ pub(super) struct Rule {
     pub(super) both: u32,
 }
 
-const fn rule(invert: bool, exclusive: bool, both: bool) -> Rule {
-    const fn mask(is_set: bool) -> u32 {
-        if is_set { u32::MAX } else { 0 }
-    }
-    Rule { invert: mask(invert), exclusive: mask(exclusive), both: mask(both) }
-}
-
 /// By the order of `Operation`: AND, EOR, BIC, MVN.
 pub(super) static RULES: [Rule; 4] = [
-    rule(false, false, true),
-    rule(false, true, false),
-    rule(true, false, true),
-    rule(true, true, true),
+    Rule { invert: 0, exclusive: 0, both: !0 },
+    Rule { invert: 0, exclusive: !0, both: 0 },
+    Rule { invert: !0, exclusive: 0, both: !0 },
+    Rule { invert: !0, exclusive: !0, both: !0 },
 ];
 
 /// Where a condition holds: bit n for NZCV being n. By the order of `Operation`, from BMI on.

@@ -62,8 +62,8 @@ enum Trap {
 type Outcome<T> = Result<T, Box<Trap>>;
 
 #[cold]
-fn undefined(op: u16) -> Box<Trap> {
-    Trap::Fault(FaultKind::Undefined { encoding: u32::from(op) }).into()
+fn undefined(encoding: u32) -> Box<Trap> {
+    Trap::Fault(FaultKind::Undefined { encoding }).into()
 }
 
 /// A time in parts of a tick; what is later than the core can count is never.
@@ -105,7 +105,8 @@ pub(crate) struct Core {
     /// The event register of WFE.
     event: bool,
     sleep: Option<Sleep>,
-    /// It has slept since its last WFI or WFE, not found something pending.
+    /// The last WFI or WFE really put the core to sleep: it did not return at once for something
+    /// that was pending.
     slept: bool,
     /// How long it takes to wake.
     wake_up: u64,
@@ -422,10 +423,6 @@ impl Core {
         self.flags.bits() | u32::from(self.thumb) << 24 | u32::from(self.ipsr)
     }
 
-    fn set_apsr(&mut self, value: u32) {
-        self.flags = Flags::of(value);
-    }
-
     pub(crate) fn request_reset(&mut self, cause: ResetCause) {
         self.reset_request = Some(cause);
         self.ask_attention();
@@ -469,7 +466,8 @@ impl Core {
         let mask = 1_u32.checked_shl(bit.into()).unwrap_or(0);
         match address {
             SYST_CSR if bit < 2 => {
-                self.systick.flip_control(mask, self.now, self.cycle);
+                let flipped = self.systick.control ^ mask;
+                self.systick.write_control(flipped, self.now, self.cycle);
             }
             SYST_RVR if bit < 24 => {
                 self.systick.set_reload(self.systick.reload ^ mask);
@@ -505,7 +503,7 @@ impl Core {
     pub(crate) fn set_registers(&mut self, registers: &Registers) {
         self.r[..PC].copy_from_slice(&registers.r[..PC]);
         self.pc = registers.r[PC] & !1;
-        self.set_apsr(registers.xpsr);
+        self.flags = Flags::of(registers.xpsr);
         self.thumb = true;
         self.primask = registers.primask;
         if self.ipsr == 0 {

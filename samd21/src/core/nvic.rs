@@ -110,24 +110,15 @@ impl Nvic {
     /// Four priorities from exception `first` up as a priority register holds them: bits 7:6 of
     /// each byte.
     pub(super) fn priority_word(&self, first: u8) -> u32 {
-        (0..4).fold(0, |word, i| {
-            let exception = first + i;
-            if settable(exception) {
-                word | (self.priority(exception) as u32) << (8 * i + 6)
-            } else {
-                word
-            }
-        })
+        let bytes = (0..4).filter(|byte| settable(first + byte));
+        bytes.fold(0, |word, byte| word | (self.priority(first + byte) as u32) << (8 * byte + 6))
     }
 
     /// Writes a priority register; exceptions of fixed priority are left alone.
     pub(super) fn set_priority_word(&mut self, first: u8, word: u32) {
-        for i in 0..4 {
-            let exception = first + i;
-            if settable(exception) {
-                self.priorities[usize::from(exception) % EXCEPTIONS] =
-                    (word >> (8 * i + 6) & 3) as i8;
-            }
+        for byte in (0..4).filter(|byte| settable(first + byte)) {
+            self.priorities[usize::from(first + byte) % EXCEPTIONS] =
+                (word >> (8 * byte + 6) & 3) as i8;
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Hints, the 32-bit encodings and the special registers.
 
-use super::decode::{bl_offset, is_barrier, is_bl};
+use super::flags::Flags;
 use super::system_control::SCR_SLEEPDEEP;
-use super::{Core, LR, Outcome, PC, SP, Sleep, Trap, undefined};
+use super::{Core, Outcome, PC, SP, Sleep, Trap, undefined};
 use crate::bus::Bus;
 use crate::fault::FaultKind;
 
@@ -21,7 +21,7 @@ impl Core {
             }
             // NOP, YIELD and hints that are not allocated.
             _ if op & 0xF == 0 => return Ok(1),
-            _ => return Err(undefined(op)),
+            _ => return Err(undefined(op.into())),
         }
         Ok(2)
     }
@@ -31,31 +31,24 @@ impl Core {
         self.ask_attention();
     }
 
-    /// 32-bit encodings: BL, MRS, MSR, barriers; everything else is undefined.
+    /// The 32-bit encodings that `burst` leaves out: MRS and MSR; everything else is undefined.
     pub(super) fn wide(&mut self, bus: &mut Bus<'_>, op: u16, pc: u32) -> Outcome<u32> {
         let second = self.fetch(bus, pc.wrapping_add(2))?;
         let encoding = u32::from(op) << 16 | u32::from(second);
         self.pc = pc.wrapping_add(4);
-        if is_bl(encoding) {
-            self.r[LR] = self.pc | 1;
-            self.pc = self.pc.wrapping_add(bl_offset(encoding));
-            self.note_branch(pc);
-            return Ok(3);
-        }
-        let undefined = || Err(Trap::Fault(FaultKind::Undefined { encoding }).into());
         if encoding & 0xFFFF_F000 == 0xF3EF_8000 {
             let rd = (encoding >> 8 & 15) as usize;
             match self.special(encoding & 0xFF) {
                 Some(value) if rd != SP && rd != PC => self.r[rd] = value,
-                _ => return undefined(),
+                _ => return Err(undefined(encoding)),
             }
         } else if encoding & 0xFFF0_FF00 == 0xF380_8800 {
             let rn = (encoding >> 16 & 15) as usize;
             if rn == SP || rn == PC || !self.set_special(encoding & 0xFF, self.r[rn]) {
-                return undefined();
+                return Err(undefined(encoding));
             }
-        } else if !is_barrier(encoding) {
-            return undefined();
+        } else {
+            return Err(undefined(encoding));
         }
         Ok(3)
     }
@@ -79,7 +72,7 @@ impl Core {
     /// Writes a special register; whether there is one with that number.
     fn set_special(&mut self, number: u32, value: u32) -> bool {
         match number {
-            0..=3 => self.set_apsr(value),
+            0..=3 => self.flags = Flags::of(value),
             // IPSR and EPSR: writes are ignored.
             5..=7 => {}
             8 if !self.uses_psp() => self.set_sp(value),

@@ -24,7 +24,7 @@ const MAX: u32 = 0x00FF_FFFF;
 #[derive(Clone)]
 pub(super) struct SysTick {
     /// CSR: ENABLE, TICKINT and COUNTFLAG.
-    control: u32,
+    pub(super) control: u32,
     /// RVR.
     pub(super) reload: u32,
     /// While stopped: the count.
@@ -69,7 +69,7 @@ impl SysTick {
         control
     }
 
-    /// Writes CSR.
+    /// Writes CSR; COUNTFLAG stays.
     pub(super) fn write_control(&mut self, value: u32, now: u64, cycle: u64) {
         let (before, count) = (self.control, self.count(now, cycle));
         self.control = before & COUNTFLAG | value & (ENABLE | TICKINT);
@@ -81,11 +81,6 @@ impl SysTick {
             }
             _ => {}
         }
-    }
-
-    /// Bits of CSR flip; COUNTFLAG is not looked at.
-    pub(super) fn flip_control(&mut self, bits: u32, now: u64, cycle: u64) {
-        self.write_control(self.control ^ bits, now, cycle);
     }
 
     /// Writes RVR.

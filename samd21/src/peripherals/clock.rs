@@ -1,7 +1,6 @@
 //! Clock rates and synchronisation flags, exact in ticks.
 
 use super::access::{Refusal, Write};
-use crate::SyncHold;
 use crate::board::Ticks;
 
 /// The core counts its time in parts of a tick, 2^`FRACTION` of them: so a cycle of any clock that
@@ -65,32 +64,21 @@ impl Rate {
 #[derive(Clone, Debug)]
 pub(crate) struct SyncFlags<const N: usize> {
     hold: Ticks,
-    clocked: bool,
+    /// Whether there is a clock to synchronise to.
+    pub(crate) clocked: bool,
     until: [Ticks; N],
 }
 
 impl<const N: usize> Default for SyncFlags<N> {
     fn default() -> Self {
-        Self::new(SyncHold::Instant)
+        Self::new(Ticks::ZERO)
     }
 }
 
 impl<const N: usize> SyncFlags<N> {
     /// Flags of a peripheral whose generic clock does not run yet.
-    pub(crate) fn new(hold: SyncHold) -> Self {
-        Self {
-            hold: match hold {
-                SyncHold::Instant => Ticks::ZERO,
-                SyncHold::For(ticks) => ticks,
-            },
-            clocked: false,
-            until: [Ticks::ZERO; N],
-        }
-    }
-
-    /// Whether there is a clock to synchronise to.
-    pub(crate) fn is_clocked(&self) -> bool {
-        self.clocked
+    pub(crate) fn new(hold: Ticks) -> Self {
+        Self { hold, clocked: false, until: [Ticks::ZERO; N] }
     }
 
     /// The clock runs from now on, or no longer. When it starts, flags that hung without it end
@@ -158,7 +146,7 @@ mod tests {
 
     #[test]
     fn flags_end_one_by_one() {
-        let mut flags = SyncFlags::<3>::new(SyncHold::For(Ticks(10)));
+        let mut flags = SyncFlags::<3>::new(Ticks(10));
         flags.set_clocked(Ticks(0), true);
         flags.begin(Ticks(100), 0);
         flags.begin(Ticks(105), 2);

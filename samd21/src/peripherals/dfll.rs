@@ -24,7 +24,7 @@ const EXACT: f64 = 1e-6;
 
 /// What sets the frequency.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Dfll {
+pub(crate) struct Dfll {
     /// Relative error at the factory's COARSE and the middle of FINE, and its growth in 1/s.
     error: f64,
     drift_per_s: f64,
@@ -62,7 +62,7 @@ impl Dfll {
     }
 
     /// Adds to the error, ppm.
-    pub(super) fn shift(&mut self, ppm: f64) {
+    pub(crate) fn shift(&mut self, ppm: f64) {
         self.error += ppm * 1e-6;
     }
 

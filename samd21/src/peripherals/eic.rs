@@ -24,7 +24,6 @@ use super::interrupts::Interrupts;
 use super::map::Block;
 use super::multiplexer::interrupt_line;
 use super::port::Port;
-use crate::SyncHold;
 use crate::board::Ticks;
 
 const SWRST: u8 = 1 << 0;
@@ -44,7 +43,7 @@ pub(crate) struct Eic {
 }
 
 impl Eic {
-    pub(crate) fn new(hold: SyncHold) -> Self {
+    pub(crate) fn new(hold: Ticks) -> Self {
         Self {
             sync: SyncFlags::new(hold),
             interrupts: Interrupts::of(Block::Eic),
@@ -59,7 +58,7 @@ impl Eic {
 
     pub(crate) fn advance(&mut self, bus: &mut Bus<'_>, port: &Port) {
         let before = self.levels;
-        let clocked = self.sync.is_clocked();
+        let clocked = self.sync.clocked;
         self.sample(bus, port);
         for line in 0..16 {
             let (was, is) = (before >> line & 1 != 0, self.levels >> line & 1 != 0);
@@ -124,7 +123,7 @@ impl Eic {
                 if let Some(ctrl) = lanes.byte(0) {
                     stall = self.sync.stall(bus.now, 0)?;
                     if ctrl & SWRST != 0 {
-                        *self = Self { sync: self.sync.clone(), ..Self::new(SyncHold::Instant) };
+                        *self = Self { sync: self.sync.clone(), ..Self::new(Ticks::ZERO) };
                     } else {
                         self.enabled = ctrl & ENABLE != 0;
                     }

@@ -80,13 +80,6 @@ pub enum Refusal {
     Forbidden(&'static str),
 }
 
-impl Refusal {
-    /// Whether the real chip answers with an exception, which the core takes as a HardFault.
-    pub(crate) fn is_exception(self) -> bool {
-        matches!(self, Self::Unmapped | Self::Protected | Self::Exception(_))
-    }
-}
-
 impl fmt::Display for BusError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { addr, peripheral, .. } = self;

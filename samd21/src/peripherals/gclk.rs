@@ -224,7 +224,6 @@ impl Gclk {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::SyncHold;
     use crate::board::Unconnected;
     use crate::peripherals::violations::Violations;
 
@@ -278,8 +277,7 @@ mod tests {
 
     #[test]
     fn a_write_during_synchronisation_stalls_the_bus() {
-        let mut gclk =
-            Gclk::new(&Options { syncbusy_hold: SyncHold::For(Ticks(100)), ..Options::default() });
+        let mut gclk = Gclk::new(&Options { syncbusy_hold: Ticks(100), ..Options::default() });
         assert_eq!(write(&mut gclk, Ticks(0), 0x08, Lanes::word(3)), Ticks(0));
         assert_eq!(gclk.read(Ticks(99), 0x00).unwrap() & 0x8000, 0x8000);
         assert_eq!(write(&mut gclk, Ticks(40), 0x08, Lanes::word(3)), Ticks(60));

@@ -108,9 +108,7 @@ impl Peripherals {
             tc: [0, 1, 2].map(|index| tc::Tc::new(index, options.syncbusy_hold)),
             tcc: [0, 1, 2].map(|index| tcc::Tcc::new(index, options.syncbusy_hold)),
             usb: usb::Usb::new(options.syncbusy_hold),
-            wdt: wdt::Wdt::new(options.user_row)
-                .that_bites(options.watchdog_bites)
-                .with_phase(options.osculp32k_phase),
+            wdt: wdt::Wdt::new(options),
             violations: Violations::default(),
             cycle: 48 << FRACTION,
             flash_overrun: false,
@@ -337,7 +335,7 @@ impl Peripherals {
     }
 
     /// NVMCTRL.CTRLB.RWS.
-    pub fn flash_wait_states(&self) -> u8 {
+    pub(crate) fn flash_wait_states(&self) -> u8 {
         self.nvmctrl.wait_states()
     }
 
@@ -390,7 +388,7 @@ impl Peripherals {
     /// See [`Chip::set_slow_oscillator`](crate::Chip::set_slow_oscillator).
     pub(crate) fn set_slow_oscillator(&mut self, now: Ticks, hz: u32) {
         self.options.osculp32k_hz = hz;
-        self.disturb(now, |sysctrl| sysctrl.set_slow_oscillator(hz));
+        self.disturb(now, |sysctrl| sysctrl.osculp32k_hz = hz);
     }
 
     /// See [`Chip::flip_register`](crate::Chip::flip_register).
@@ -456,7 +454,8 @@ impl Peripherals {
         let mut next = self.sysctrl.next(now).min(self.nvmctrl.next(now));
         next = next.min(self.eic.next_sample).min(self.usb.next());
         next = next.min(self.wdt.next());
-        let mut lines = self.pm.interrupts.irq() | self.sysctrl.irq() | self.wdt.irq();
+        let mut lines =
+            self.pm.interrupts.irq() | self.sysctrl.interrupts.irq() | self.wdt.interrupts.irq();
         lines |= self.eic.interrupts.irq() | self.nvmctrl.irq(now) | self.usb.irq();
         for sercom in &self.sercom {
             next = next.min(sercom.next());

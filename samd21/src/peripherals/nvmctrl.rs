@@ -12,7 +12,7 @@
 //! | flash | page buffer | 16- and 32-bit writes only; with MANW = 0 the page's last word programs it |
 //! | 0080_4000 | user row | from the chip's options, read only; its BOOTPROT protects |
 //! | 0080_6020, 0080_6030 | calibration, temperature log | plausible factory values |
-//! | 0080_A00C, A040-A048 | serial number | from the chip's options |
+//! | 0080_A00C, A040-A048 | serial number | made up |
 //!
 //! Erasing a row (256 bytes) takes 6 ms, programming a page 2.5 ms (the data sheet's maxima), or
 //! what the chip's options make of that; the CPU runs from the same flash and stands still
@@ -62,6 +62,9 @@ const CALIBRATION: u64 = 0x80 << 27
     | (DFLL_COARSE as u64) << 58
     | 0x7FF_FFFF;
 
+/// The 128-bit serial number, word 0 first (0x0080_A00C, 0x0080_A040, 44, 48).
+const SERIAL_NUMBER: [u32; 4] = [0x5D21_0001, 0x5D21_0002, 0x5D21_0003, 0x5D21_0004];
+
 /// 0x0080_6030: room 25.0 degrees, hot 85.0, their references and ADC readings.
 const TEMPERATURE_LOG: u64 = 25 | 85 << 12 | 0x0C00 << 40 | 0x0E66 << 52;
 
@@ -88,7 +91,6 @@ pub(crate) struct Nvmctrl {
     busy_until: Ticks,
     /// The command that is carried out until then.
     command: Option<Command>,
-    serial_number: [u32; 4],
     user_row: UserRow,
     time_percent: u32,
 }
@@ -103,7 +105,6 @@ impl Nvmctrl {
             page: [0xFF; PAGE as usize],
             busy_until: Ticks::ZERO,
             command: None,
-            serial_number: options.serial_number,
             user_row: options.user_row,
             time_percent: options.flash_time_percent,
         }
@@ -154,10 +155,10 @@ impl Nvmctrl {
             0x0080_6030 => TEMPERATURE_LOG as u32,
             0x0080_6034 => (TEMPERATURE_LOG >> 32) as u32,
             0x0080_6000..0x0080_6040 => u32::MAX,
-            0x0080_A00C => self.serial_number[0],
-            0x0080_A040 => self.serial_number[1],
-            0x0080_A044 => self.serial_number[2],
-            0x0080_A048 => self.serial_number[3],
+            0x0080_A00C => SERIAL_NUMBER[0],
+            0x0080_A040 => SERIAL_NUMBER[1],
+            0x0080_A044 => SERIAL_NUMBER[2],
+            0x0080_A048 => SERIAL_NUMBER[3],
             _ => return None,
         })
     }
@@ -301,7 +302,7 @@ mod tests {
     use crate::peripherals::violations::Violations;
 
     fn nvmctrl(user_row: UserRow) -> Nvmctrl {
-        Nvmctrl::new(&Options { serial_number: [1, 2, 3, 4], user_row, ..Options::default() })
+        Nvmctrl::new(&Options { user_row, ..Options::default() })
     }
 
     struct Rig {
@@ -449,7 +450,7 @@ mod tests {
         assert_eq!(row >> 50 & 0x1F, 29, "USB TRANSP");
         assert_eq!(row >> 45 & 0x1F, 5, "USB TRANSN");
         assert_eq!(row >> 38 & 0x7F, 0x2E, "OSC32K");
-        assert_eq!(nvmctrl.read_auxiliary(0x0080_A048), Some(4));
+        assert_eq!(nvmctrl.read_auxiliary(0x0080_A048), Some(0x5D21_0004));
         assert_eq!(nvmctrl.read_auxiliary(0x0080_5000), None);
     }
 }

@@ -62,7 +62,7 @@ const OSC32K_STARTUP: [u64; 8] = [3, 4, 6, 10, 18, 34, 66, 130];
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sysctrl {
-    interrupts: Interrupts<{ u32::MAX }>,
+    pub(crate) interrupts: Interrupts<{ u32::MAX }>,
     xosc32k: u32,
     osc32k: u32,
     osculp32k: u32,
@@ -70,7 +70,7 @@ pub(crate) struct Sysctrl {
     dfllctrl: u32,
     /// DFLLVAL as it was written or last asked for.
     dfllval: u32,
-    dfll: Dfll,
+    pub(crate) dfll: Dfll,
     dfllmul: u32,
     bod33: u32,
     vreg: u32,
@@ -81,9 +81,9 @@ pub(crate) struct Sysctrl {
     frames_until_lock: u8,
     /// When a drifting frequency is next worked out.
     next_drift: Ticks,
-    osculp32k_hz: u32,
+    pub(crate) osculp32k_hz: u32,
     /// The DFLL stands still, whatever the registers say.
-    dfll_stopped: bool,
+    pub(crate) dfll_stopped: bool,
 }
 
 impl Sysctrl {
@@ -109,14 +109,10 @@ impl Sysctrl {
     }
 
     /// As after a reset for this reason: the 32 kHz oscillators go on through one that is not of
-    /// the supply (data sheet, reset controller, effects of the different resets). An oscillator
-    /// that has come to run at another rate does so behind it, too.
+    /// the supply (data sheet, reset controller, effects of the different resets). The options
+    /// hold the rate of OSCULP32K, also one that it has come to since power-on.
     pub(crate) fn after_reset(&self, options: &Options, cause: ResetCause) -> Self {
-        let fresh = Self {
-            dfll: self.dfll.after_reset(),
-            osculp32k_hz: self.osculp32k_hz,
-            ..Self::new(options)
-        };
+        let fresh = Self { dfll: self.dfll.after_reset(), ..Self::new(options) };
         match cause {
             ResetCause::External | ResetCause::Watchdog | ResetCause::System => Self {
                 xosc32k: self.xosc32k,
@@ -139,11 +135,6 @@ impl Sysctrl {
         Rate::from_hz(u64::from(self.osculp32k_hz))
     }
 
-    /// That runs at another rate.
-    pub(crate) fn set_slow_oscillator(&mut self, hz: u32) {
-        self.osculp32k_hz = hz;
-    }
-
     /// The 8 MHz oscillator behind its prescaler.
     pub(crate) fn osc8m(&self) -> Option<Rate> {
         (self.osc8m & ENABLE != 0).then(|| Rate::from_hz(8_000_000 >> (self.osc8m >> 8 & 3)))
@@ -153,16 +144,6 @@ impl Sysctrl {
     pub(crate) fn dfll(&self, now: Ticks) -> Option<Rate> {
         let runs = now >= self.dfll_ready && !self.dfll_stopped;
         runs.then(|| self.dfll.rate(now))
-    }
-
-    /// See [`Chip::stop_dfll`](crate::Chip::stop_dfll).
-    pub(crate) fn stop_dfll(&mut self, stopped: bool) {
-        self.dfll_stopped = stopped;
-    }
-
-    /// See [`Chip::shift_dfll`](crate::Chip::shift_dfll).
-    pub(crate) fn shift_dfll(&mut self, ppm: f64) {
-        self.dfll.shift(ppm);
     }
 
     /// A bit of a register flips: see [`upset`](crate::upset).
@@ -182,13 +163,8 @@ impl Sysctrl {
 
     /// When a clock comes up, or changes, by itself.
     pub(crate) fn next(&self, after: Ticks) -> Ticks {
-        let starts = [self.osc32k_ready, self.dfll_ready, self.dfll_locked];
-        starts
-            .into_iter()
-            .chain([self.next_drift])
-            .filter(|&at| at > after)
-            .min()
-            .unwrap_or(Ticks::NEVER)
+        let times = [self.osc32k_ready, self.dfll_ready, self.dfll_locked, self.next_drift];
+        times.into_iter().filter(|&at| at > after).min().unwrap_or(Ticks::NEVER)
     }
 
     /// The USB host's start-of-frame packet arrives; whether that changes the DFLL's frequency.
@@ -208,30 +184,21 @@ impl Sysctrl {
     }
 
     fn recovers_from_usb(&self) -> bool {
-        self.dfllctrl & ENABLE != 0
-            && self.dfllctrl & DFLL_CLOSED_LOOP != 0
-            && self.dfllctrl & DFLL_USB_RECOVERY != 0
+        let needed = ENABLE | DFLL_CLOSED_LOOP | DFLL_USB_RECOVERY;
+        self.dfllctrl & needed == needed
     }
 
     fn status(&self, now: Ticks) -> u32 {
-        let mut status = B33SRDY;
-        if self.bod33 & ENABLE != 0 {
-            status |= BOD33RDY;
-        }
-        if now >= self.osc32k_ready {
-            status |= OSC32KRDY;
-        }
-        if self.osc8m & ENABLE != 0 {
-            status |= OSC8MRDY;
-        }
-        // Ready for the next register write: also while the DFLL is off.
-        if self.dfllctrl & ENABLE == 0 || now >= self.dfll_ready {
-            status |= DFLLRDY;
-        }
-        if now >= self.dfll_locked {
-            status |= DFLLLCKF | DFLLLCKC;
-        }
-        status
+        let flags = [
+            (B33SRDY, true),
+            (BOD33RDY, self.bod33 & ENABLE != 0),
+            (OSC32KRDY, now >= self.osc32k_ready),
+            (OSC8MRDY, self.osc8m & ENABLE != 0),
+            // Ready for the next register write: also while the DFLL is off.
+            (DFLLRDY, self.dfllctrl & ENABLE == 0 || now >= self.dfll_ready),
+            (DFLLLCKF | DFLLLCKC, now >= self.dfll_locked),
+        ];
+        flags.into_iter().filter(|(_, is_set)| *is_set).fold(0, |status, (flag, _)| status | flag)
     }
 
     /// What comes by itself at `now`: oscillators are ready, the DFLL locks or drifts.
@@ -347,10 +314,6 @@ impl Sysctrl {
             ));
         }
         Ok(())
-    }
-
-    pub(crate) fn irq(&self) -> u32 {
-        self.interrupts.irq()
     }
 }
 

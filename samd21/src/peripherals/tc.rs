@@ -27,7 +27,6 @@ use super::clock::{Rate, SyncFlags};
 use super::counter::Counter;
 use super::interrupts::Interrupts;
 use super::map::{Block, entry};
-use crate::SyncHold;
 use crate::board::Ticks;
 
 const MODE: u32 = 3 << 2;
@@ -71,7 +70,7 @@ pub(crate) struct Tc {
 
 impl Tc {
     /// `index` counts from TC3.
-    pub(crate) fn new(index: usize, hold: SyncHold) -> Self {
+    pub(crate) fn new(index: usize, hold: Ticks) -> Self {
         Self {
             index,
             sync: SyncFlags::new(hold),
@@ -231,7 +230,7 @@ impl Tc {
                 counter: self.counter.fresh(),
                 sync: self.sync.clone(),
                 is_slave: self.is_slave,
-                ..Self::new(self.index, SyncHold::Instant)
+                ..Self::new(self.index, Ticks::ZERO)
             };
             self.sync.begin(begin, 0);
             return Ok(());
@@ -286,7 +285,7 @@ mod tests {
     }
 
     impl Rig {
-        fn new(hold: SyncHold) -> Self {
+        fn new(hold: Ticks) -> Self {
             let mut tc = Tc::new(MASTER, hold);
             tc.set_clock(Ticks::ZERO, Some(Rate::from_hz(48_000_000)));
             Self { tc, now: 0 }
@@ -319,7 +318,7 @@ mod tests {
 
     #[test]
     fn match_frequency_overflows_every_cc0_plus_one_counts() {
-        let mut rig = Rig::new(SyncHold::Instant);
+        let mut rig = Rig::new(Ticks::ZERO);
         rig.half(0x18, 5999);
         rig.half(0x00, 1 << 5 | 3 << 8 | ENABLE);
         rig.write(0x0C, Lanes::new(OVF, 1, 1)).unwrap();
@@ -337,7 +336,7 @@ mod tests {
 
     #[test]
     fn the_32_bit_pair_runs_as_a_time_base() {
-        let mut rig = Rig::new(SyncHold::Instant);
+        let mut rig = Rig::new(Ticks::ZERO);
         rig.half(0x00, MODE_COUNT32 | ENABLE);
         rig.half(0x02, u32::from(RREQ | RCONT) | 0x10);
         rig.run_to(5_000_000_000);
@@ -347,7 +346,7 @@ mod tests {
 
     #[test]
     fn a_single_request_freezes_what_is_read() {
-        let mut rig = Rig::new(SyncHold::Instant);
+        let mut rig = Rig::new(Ticks::ZERO);
         rig.half(0x00, ENABLE);
         rig.run_to(1000);
         rig.half(0x02, u32::from(RREQ) | 0x10);
@@ -359,7 +358,7 @@ mod tests {
 
     #[test]
     fn a_write_while_synchronising_stalls() {
-        let mut rig = Rig::new(SyncHold::For(Ticks(100)));
+        let mut rig = Rig::new(Ticks(100));
         assert_eq!(rig.half(0x00, 0), Ticks::ZERO);
         assert_eq!(rig.half(0x00, ENABLE), Ticks::ZERO);
         assert_eq!(rig.read(0x0C) >> 31, 1);
@@ -369,7 +368,7 @@ mod tests {
 
     #[test]
     fn oneshot_stops_at_the_overflow_until_retriggered() {
-        let mut rig = Rig::new(SyncHold::Instant);
+        let mut rig = Rig::new(Ticks::ZERO);
         rig.half(0x18, 99);
         rig.write(0x04, Lanes::new(u32::from(ONESHOT), 1, 1)).unwrap();
         rig.half(0x00, 1 << 5 | ENABLE);
@@ -382,7 +381,7 @@ mod tests {
 
     #[test]
     fn only_tc4_takes_a_second_counter() {
-        let mut rig = Rig::new(SyncHold::Instant);
+        let mut rig = Rig::new(Ticks::ZERO);
         rig.tc.index = 0;
         let lanes = Lanes::new(MODE_COUNT32, 0, 2);
         assert!(rig.write(0x00, lanes).is_err());

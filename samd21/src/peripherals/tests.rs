@@ -1,5 +1,4 @@
 use super::*;
-use crate::SyncHold;
 use crate::board::{I2cEvent, I2cPins, I2cReply, Pin, Unconnected};
 use crate::tests::*;
 
@@ -8,7 +7,7 @@ const SERCOM3: u32 = 0x4200_1400;
 
 #[test]
 fn the_hal_starts_48_mhz_with_and_without_held_synchronisation() {
-    for hold in [SyncHold::Instant, SyncHold::For(Ticks(300))] {
+    for hold in [Ticks::ZERO, Ticks(300)] {
         let mut bench = Bench::new(hold, Unconnected);
         assert_eq!(bench.peripherals.cycle, 48 << FRACTION);
         bench.start_clocks();
@@ -82,7 +81,7 @@ fn the_watchdogs_clock_follows_the_slow_oscillator() {
 /// Half of its time has passed at the nominal rate when the oscillator becomes a quarter faster.
 #[test]
 fn the_watchdog_comes_sooner_when_its_oscillator_becomes_faster() {
-    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     bench.generator(4, 3, 32);
     bench.route(3, 4);
     bench.w8(0x4000_1001, 0x04);
@@ -121,7 +120,7 @@ fn a_user_reset_spares_the_32_khz_oscillators() {
         (ResetCause::BrownOut33, false),
         (ResetCause::PowerOn, false),
     ] {
-        let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+        let mut bench = Bench::new(Ticks::ZERO, Unconnected);
         bench.start_clocks();
         bench.reset(cause);
         let ready = bench.r32(SYSCTRL + 0x0C) & 1 << 2 != 0;
@@ -134,7 +133,7 @@ fn a_user_reset_spares_the_32_khz_oscillators() {
 
 #[test]
 fn accesses_that_no_model_covers_name_what_they_hit() {
-    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     let message = |result: Result<u32, BusError>| result.unwrap_err().to_string();
     assert_eq!(
         message(bench.try_read(0x4200_4000, Width::Byte)),
@@ -158,7 +157,7 @@ fn accesses_that_no_model_covers_name_what_they_hit() {
 
 #[test]
 fn the_cpu_cannot_be_left_without_a_clock() {
-    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     bench.w32(GCLK + 8, 1 << 8);
     let from_dfll = 7 << 8 | 1 << 16;
     let error = bench.try_write(GCLK + 4, Width::Word, from_dfll).unwrap_err();
@@ -167,7 +166,7 @@ fn the_cpu_cannot_be_left_without_a_clock() {
 
 #[test]
 fn flash_without_a_wait_state_is_noted_above_24_mhz() {
-    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     bench.start_clocks();
     assert_eq!(bench.peripherals.violations().count(), 0);
     bench.w32(NVMCTRL + 4, 1 << 7);
@@ -178,17 +177,17 @@ fn flash_without_a_wait_state_is_noted_above_24_mhz() {
 
 #[test]
 fn factory_rows_are_read_by_bytes() {
-    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     let row = (0..8)
         .fold(0, |row: u64, byte| row | u64::from(bench.r8(0x0080_6020 + byte)) << (8 * byte));
     assert_eq!(row >> 58, 0x1F);
-    assert_eq!(bench.r32(0x0080_A00C), Options::default().serial_number[0]);
+    assert_eq!(bench.r32(0x0080_A00C), 0x5D21_0001);
     assert_eq!(bench.r32(0x4100_2018), 0x1001_0305);
 }
 
 #[test]
 fn the_iobus_is_the_port() {
-    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     bench.w32(0x6000_0008, 1 << 17);
     assert_eq!(bench.r32(PORT), 1 << 17);
     assert_eq!(bench.r32(0x6000_0080), 0);
@@ -196,7 +195,7 @@ fn the_iobus_is_the_port() {
 
 #[test]
 fn a_protected_peripheral_refuses_writes_but_not_reads() {
-    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     bench.w32(0x4000_0004, 1 << 3);
     assert!(bench.try_read(GCLK + 4, Width::Word).is_ok());
     assert_eq!(
@@ -242,7 +241,7 @@ impl Board for Recorder {
 
 /// Clocks, then the servo's timer: 20 ms frames of 1.5 ms on PB11.
 fn servo_bench() -> Bench<Recorder> {
-    let mut bench = Bench::new(SyncHold::Instant, Recorder::new(Pin::b(8), Pin::b(9)));
+    let mut bench = Bench::new(Ticks::ZERO, Recorder::new(Pin::b(8), Pin::b(9)));
     bench.start_clocks();
     let mask = bench.r32(PM_APBCMASK);
     bench.w32(PM_APBCMASK, mask | 1 << 8 | 1 << 6);
@@ -300,7 +299,7 @@ fn any_sercom_is_an_i2c_master_through_the_pads_that_reach_the_boards_bus() {
         (0, Pin::a(8), Pin::a(9), 2),
     ] {
         let base = 0x4200_0800 + 0x400 * sercom;
-        let mut bench = Bench::new(SyncHold::Instant, Recorder::new(sda, scl));
+        let mut bench = Bench::new(Ticks::ZERO, Recorder::new(sda, scl));
         bench.start_clocks();
         let mask = bench.r32(PM_APBCMASK);
         bench.w32(PM_APBCMASK, mask | 1 << (2 + sercom));
@@ -324,7 +323,7 @@ fn any_sercom_is_an_i2c_master_through_the_pads_that_reach_the_boards_bus() {
 
 #[test]
 fn a_sercom_whose_pads_lie_elsewhere_does_not_reach_the_boards_bus() {
-    let mut bench = Bench::new(SyncHold::Instant, Recorder::new(Pin::b(8), Pin::b(9)));
+    let mut bench = Bench::new(Ticks::ZERO, Recorder::new(Pin::b(8), Pin::b(9)));
     bench.start_clocks();
     let mask = bench.r32(PM_APBCMASK);
     bench.w32(PM_APBCMASK, mask | 1 << 5);
@@ -372,7 +371,7 @@ impl Board for Switch {
 fn a_switch_interrupts_on_the_edge_that_is_sensed() {
     const EIC: u32 = 0x4000_1800;
     for (sense, on_close, on_open) in [(1, false, true), (2, true, false), (3, true, true)] {
-        let mut bench = Bench::new(SyncHold::Instant, Switch::default());
+        let mut bench = Bench::new(Ticks::ZERO, Switch::default());
         bench.start_clocks();
         bench.route(5, 0);
         bench.multiplex(0, 7, 0);
@@ -395,7 +394,7 @@ fn a_switch_interrupts_on_the_edge_that_is_sensed() {
 #[test]
 fn a_starved_watchdog_asks_for_a_reset() {
     const WDT: u32 = 0x4000_1000;
-    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     bench.start_clocks();
     bench.generator(3, 3, 32);
     bench.route(3, 3);
@@ -417,7 +416,7 @@ fn a_starved_watchdog_asks_for_a_reset() {
 #[test]
 fn time_goes_on_when_an_event_turns_out_to_be_overdue() {
     // USB on without its pads: the bus has been idle for long when they come.
-    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     bench.start_clocks();
     bench.route(6, 0);
     bench.w8(0x4100_5000, 2);
@@ -432,7 +431,7 @@ fn time_goes_on_when_an_event_turns_out_to_be_overdue() {
 
 #[test]
 fn a_reset_at_the_very_start_does_no_harm() {
-    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     bench.reset(ResetCause::External);
     bench.pass(Ticks(1));
     assert_eq!(bench.r8(0x4000_0438), 0x10);
@@ -440,7 +439,7 @@ fn a_reset_at_the_very_start_does_no_harm() {
 
 #[test]
 fn the_flash_interrupts_when_it_is_ready_again() {
-    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     bench.w32(NVMCTRL + 0x1C, 0x4000 / 2);
     bench.w8(NVMCTRL + 0x10, 1);
     assert_eq!(bench.peripherals.irq_lines, 1 << 5);

@@ -22,7 +22,7 @@ use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::Rate;
 use super::interrupts::Interrupts;
 use super::map::Block;
-use super::user_row::UserRow;
+use crate::Options;
 use crate::board::Ticks;
 
 const ENABLE: u8 = 1 << 1;
@@ -49,20 +49,23 @@ pub(crate) struct Wdt {
     ctrl: u8,
     config: u8,
     ewctrl: u8,
-    interrupts: Interrupts<EW>,
+    pub(crate) interrupts: Interrupts<EW>,
     arriving: Option<(Ticks, Arrival)>,
     early_warning: Ticks,
     timeout: Ticks,
     /// When the closed window ends.
     opens: Ticks,
     bites: bool,
-    /// It never resets the chip.
+    /// It never resets the chip at its time-out.
     is_dead: bool,
 }
 
 impl Wdt {
-    pub(crate) fn new(row: UserRow) -> Self {
+    pub(crate) fn new(options: &Options) -> Self {
+        let row = options.user_row;
         Self {
+            phase: options.osculp32k_phase,
+            is_dead: !options.watchdog_bites,
             ctrl: row.wdt_ctrl(),
             config: row.wdt_config(),
             ewctrl: row.wdt_early_warning(),
@@ -73,17 +76,7 @@ impl Wdt {
         }
     }
 
-    /// As it is, with a clock that was so far into a cycle at time zero.
-    pub(crate) fn with_phase(self, phase: Ticks) -> Self {
-        Self { phase, ..self }
-    }
-
-    /// As it is, or one that never resets the chip at its time-out.
-    pub(crate) fn that_bites(self, bites: bool) -> Self {
-        Self { is_dead: !bites, ..self }
-    }
-
-    /// A reset has ended: it runs if the user row says so.
+    /// It starts if it is enabled: after a reset the user row says so.
     pub(crate) fn power_up(&mut self, now: Ticks) {
         if self.ctrl & ENABLE != 0 {
             self.start(now);
@@ -102,10 +95,6 @@ impl Wdt {
             }
         }
         self.clock = clock;
-    }
-
-    pub(crate) fn irq(&self) -> u32 {
-        self.interrupts.irq()
     }
 
     /// Whether the watchdog has reset the chip since this was last asked.
@@ -171,9 +160,7 @@ impl Wdt {
                 if mask == ENABLE {
                     self.early_warning = Ticks::NEVER;
                     self.timeout = Ticks::NEVER;
-                    if self.ctrl & ENABLE != 0 {
-                        self.start(now);
-                    }
+                    self.power_up(now);
                 }
             }
             (0x00, 1) => self.config ^= mask,
@@ -276,6 +263,7 @@ impl Wdt {
 mod tests {
     use super::*;
     use crate::board::Unconnected;
+    use crate::peripherals::UserRow;
     use crate::peripherals::violations::Violations;
 
     struct Rig {
@@ -286,7 +274,7 @@ mod tests {
     impl Rig {
         /// 125 ms timeout, warning at 62.5 ms, enabled at 1 ms.
         fn running() -> Self {
-            let mut wdt = Wdt::new(UserRow::SHIPPED);
+            let mut wdt = Wdt::new(&Options::default());
             wdt.set_clock(Ticks::ZERO, Some(Rate::from_hz(1024)));
             let mut rig = Self { wdt, now: Ticks::from_ms(1) };
             rig.write(0x00, Lanes::new(0x04, 1, 1));
@@ -332,9 +320,9 @@ mod tests {
         assert!(!rig.busy());
         // 64 and 128 cycles of 1024 Hz after that.
         rig.run_to(6835 + 62_500);
-        assert_eq!(rig.wdt.irq(), 0);
+        assert_eq!(rig.wdt.interrupts.irq(), 0);
         rig.run_to(6837 + 62_500);
-        assert_eq!(rig.wdt.irq(), 1 << 2);
+        assert_eq!(rig.wdt.interrupts.irq(), 1 << 2);
         rig.run_to(6835 + 125_000);
         assert!(!rig.wdt.take_bite());
         rig.run_to(6837 + 125_000);
@@ -403,7 +391,7 @@ mod tests {
     #[test]
     fn a_dead_one_warns_and_does_not_bite() {
         let mut rig = Rig::running();
-        rig.wdt = rig.wdt.that_bites(false);
+        rig.wdt.is_dead = true;
         rig.run_to(1_000_000);
         assert!(!rig.wdt.take_bite());
         assert_eq!(rig.wdt.interrupts.flags, EW);
@@ -412,7 +400,8 @@ mod tests {
     #[test]
     fn an_erased_user_row_has_it_always_on_with_a_window_of_16_s() {
         let erased = || {
-            let mut wdt = Wdt::new(UserRow::ERASED);
+            let options = Options { user_row: UserRow::ERASED, ..Options::default() };
+            let mut wdt = Wdt::new(&options);
             wdt.set_clock(Ticks::ZERO, Some(Rate::from_hz(1024)));
             wdt.power_up(Ticks::ZERO);
             Rig { wdt, now: Ticks::ZERO }

@@ -1,7 +1,7 @@
 //! Control transfers (USB 2.0, 8.5.3): SETUP, data, status.
 
-use super::pipe::Pipe;
 use super::request::Request;
+use super::transaction::Pipe;
 use super::{FRAME, Host, HostError, RETRY};
 use crate::board::Ticks;
 use crate::memory::Memory;

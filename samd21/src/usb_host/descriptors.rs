@@ -16,36 +16,36 @@ const INTERRUPT: u8 = 3;
 
 /// An endpoint of the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Endpoint {
+pub(super) struct Endpoint {
     /// 1 to 15.
-    pub number: u8,
+    pub(super) number: u8,
     /// Largest packet in bytes.
-    pub packet_size: u16,
+    pub(super) packet_size: u16,
     /// Polling interval of an interrupt endpoint in ms.
-    pub interval_ms: u8,
+    pub(super) interval_ms: u8,
 }
 
 /// A CDC-ACM port.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SerialPort {
+pub(super) struct SerialPort {
     /// bConfigurationValue.
-    pub configuration: u8,
+    pub(super) configuration: u8,
     /// bmCapabilities of the abstract control model (CDC PSTN 1.2, 5.3.2): bit 1 announces line
     /// coding and control lines.
-    pub capabilities: u8,
+    pub(super) capabilities: u8,
     /// The interface that takes class requests.
-    pub control_interface: u8,
+    pub(super) control_interface: u8,
     /// Notifications, if there are any.
-    pub interrupt: Option<Endpoint>,
+    pub(super) interrupt: Option<Endpoint>,
     /// Device to host.
-    pub bulk_in: Endpoint,
+    pub(super) bulk_in: Endpoint,
     /// Host to device.
-    pub bulk_out: Endpoint,
+    pub(super) bulk_out: Endpoint,
 }
 
 impl SerialPort {
     /// Whether the device says that it takes line coding and control lines.
-    pub fn announces_lines(&self) -> bool {
+    pub(super) fn announces_lines(&self) -> bool {
         self.capabilities & LINES != 0
     }
 

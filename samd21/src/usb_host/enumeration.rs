@@ -1,9 +1,10 @@
 //! What the host asks of the device, and in which order.
 
 use super::control::Transfer;
-use super::pipe::{Pipe, PipeState};
+use super::descriptors::SerialPort;
 use super::request::{Request, Text};
-use super::{ATTEMPTS, Enumeration, Host, HostError, Phase, RESET, SerialPort, Session, System};
+use super::transaction::{Pipe, PipeState};
+use super::{ATTEMPTS, Enumeration, Host, HostError, Phase, RESET, Session, System};
 use crate::board::Ticks;
 
 /// The address that the host gives.
@@ -70,10 +71,6 @@ impl Host {
             .configuration
             .get(2..4)
             .map_or(9, |bytes| u16::from_le_bytes([bytes[0], bytes[1]]));
-        let index = |text: Text| {
-            let index = self.enumeration.device_descriptor.get(text as usize);
-            u16::from(index.copied().unwrap_or(0))
-        };
         let setup = match request {
             Request::DeviceHead => setup(0x80, 6, 0x0100, 0, 8),
             Request::DeviceFirst => setup(0x80, 6, 0x0100, 0, 64),
@@ -87,7 +84,7 @@ impl Host {
             Request::Qualifier => setup(0x80, 6, 0x0600, 0, 10),
             Request::MicrosoftString => setup(0x80, 6, 0x03EE, 0, 18),
             Request::Languages => setup(0x80, 6, 0x0300, 0, 255),
-            Request::Text(text) => setup(0x80, 6, 0x0300 | index(text), LANGUAGE, 255),
+            Request::Text(text) => setup(0x80, 6, 0x0300 | self.string_index(text), LANGUAGE, 255),
             Request::SetConfiguration => setup(0x00, 9, u16::from(port.configuration), 0, 0),
             Request::ReadLineCoding => setup(0xA1, 0x21, 0, interface, 7),
             Request::LineCoding { baud } => {
@@ -181,18 +178,15 @@ impl Host {
         }
     }
 
+    /// The index of a string, 0 where the device has none.
+    fn string_index(&self, text: Text) -> u16 {
+        self.enumeration.device_descriptor.get(text as usize).map_or(0, |&index| index.into())
+    }
+
     fn ask_strings_and_configure(&mut self, port: SerialPort) {
         self.session.port = Some(port);
-        let texts = [Text::Manufacturer, Text::Product, Text::SerialNumber];
-        let present: Vec<Text> = texts
-            .into_iter()
-            .filter(|&text| {
-                self.enumeration
-                    .device_descriptor
-                    .get(text as usize)
-                    .is_some_and(|&index| index != 0)
-            })
-            .collect();
+        let mut present = vec![Text::Manufacturer, Text::Product, Text::SerialNumber];
+        present.retain(|&text| self.string_index(text) != 0);
         if self.system.asks_microsoft_string() {
             self.session.requests.push_back(Request::MicrosoftString);
         }

@@ -25,14 +25,12 @@
 mod control;
 mod descriptors;
 mod enumeration;
-mod pipe;
 mod request;
 mod system;
 #[cfg(test)]
 mod tests;
 mod transaction;
 
-pub use descriptors::{Endpoint, SerialPort};
 pub use enumeration::Strings;
 pub use system::System;
 
@@ -40,11 +38,11 @@ use crate::board::Ticks;
 use crate::memory::Memory;
 use crate::peripherals::usb::Usb;
 use control::Transfer;
-use pipe::PipeState;
+use descriptors::SerialPort;
 use request::Request;
 use std::collections::VecDeque;
 use thiserror::Error;
-use transaction::Transaction;
+use transaction::{PipeState, Transaction};
 
 const FRAME: Ticks = Ticks::from_ms(1);
 const DEBOUNCE: Ticks = Ticks::from_ms(100);
@@ -86,8 +84,6 @@ pub struct Statistics {
     pub frames: u64,
     /// Bulk IN packets received, those without data included.
     pub packets_in: u64,
-    /// Bulk OUT packets acknowledged.
-    pub packets_out: u64,
     /// Bulk transactions answered with NAK.
     pub naks: u64,
     /// Times that the device was configured.
@@ -120,8 +116,8 @@ pub struct Host {
     phase: Phase,
     due: Ticks,
     next_frame: Ticks,
-    /// Until then the device answers all that it is asked with NAK, unless one of the two does
-    /// something: who runs the device need not stop for the host before.
+    /// Until this time every token would be answered with NAK, if neither side acts; the chip need
+    /// not stop for the host before it.
     quiet_until: Ticks,
     frame: u16,
     attempts: u8,
@@ -145,7 +141,7 @@ struct Session {
     address: u8,
     port: Option<SerialPort>,
     configured: bool,
-    /// By [`Pipe`](pipe::Pipe).
+    /// By [`Pipe`](transaction::Pipe).
     pipes: [PipeState; 4],
 }
 
@@ -225,9 +221,8 @@ impl Host {
 
     /// Line coding or lines change, if the port is there and the system sends that.
     fn ask_lines(&mut self, requests: &[Request]) {
-        let announced = |port: &SerialPort| port.announces_lines();
-        let sent =
-            !self.system.heeds_capabilities() || self.session.port.as_ref().is_some_and(announced);
+        let sent = !self.system.heeds_capabilities()
+            || self.session.port.is_some_and(|port| port.announces_lines());
         if self.session.configured && sent {
             self.quiet_until = Ticks::ZERO;
             self.session.requests.extend(requests);

@@ -1,7 +1,6 @@
 mod systems;
 
 use super::*;
-use crate::SyncHold;
 use crate::board::Unconnected;
 use crate::peripherals::Width;
 use crate::tests::Bench;
@@ -58,7 +57,7 @@ struct Device {
 }
 
 impl Device {
-    fn new(hold: SyncHold) -> Self {
+    fn new(hold: Ticks) -> Self {
         let mut bench = Bench::new(hold, Unconnected);
         bench.start_clocks();
         bench.route(6, 0);
@@ -244,13 +243,13 @@ impl Device {
     }
 
     fn on(system: System) -> Self {
-        let mut device = Self::new(SyncHold::Instant);
+        let mut device = Self::new(Ticks::ZERO);
         device.bench.usb_host = Host::of(system);
         device
     }
 
     fn configured() -> Self {
-        let mut device = Self::new(SyncHold::Instant);
+        let mut device = Self::new(Ticks::ZERO);
         device.run(Ticks::from_ms(200));
         assert!(device.host().is_configured(), "{:?}", device.host().errors);
         device
@@ -259,7 +258,7 @@ impl Device {
 
 #[test]
 fn the_port_is_enumerated_and_opened() {
-    for hold in [SyncHold::Instant, SyncHold::For(Ticks(500))] {
+    for hold in [Ticks::ZERO, Ticks(500)] {
         let mut device = Device::new(hold);
         device.run(Ticks::from_ms(95));
         assert_eq!(device.host().statistics().frames, 0, "debounce and reset");
@@ -285,7 +284,7 @@ fn the_port_is_enumerated_and_opened() {
 
 #[test]
 fn requests_keep_a_frame_apart() {
-    let mut device = Device::new(SyncHold::Instant);
+    let mut device = Device::new(Ticks::ZERO);
     device.poll_every = Ticks::from_us(5);
     device.run(Ticks::from_ms(200));
     assert!(device.setups.len() > 10, "{:?}", device.setups);
@@ -423,7 +422,7 @@ fn a_detached_device_is_forgotten() {
 
 #[test]
 fn a_dead_device_is_given_up_after_three_attempts() {
-    let mut device = Device::new(SyncHold::Instant);
+    let mut device = Device::new(Ticks::ZERO);
     device.bench.pass(Ticks::from_ms(60_000));
     let request = "GET_DESCRIPTOR device";
     assert_eq!(device.host().errors(), [HostError::NoAnswer(request); 3]);
@@ -432,7 +431,7 @@ fn a_dead_device_is_given_up_after_three_attempts() {
 
 #[test]
 fn a_stall_refuses_a_request_and_the_next_one_goes_on() {
-    let mut device = Device::new(SyncHold::Instant);
+    let mut device = Device::new(Ticks::ZERO);
     device.refuses_strings = true;
     device.run(Ticks::from_ms(200));
     assert!(device.host().is_configured());

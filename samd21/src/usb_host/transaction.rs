@@ -1,7 +1,6 @@
 //! Transactions (USB 2.0, 8.5): which pipe has the bus next, and what comes of it.
 
 use super::control::Transfer;
-use super::pipe::{Pipe, PipeState};
 use super::request::Request;
 use super::{BYTE, Host, HostError, RETRY};
 use crate::board::Ticks;
@@ -12,6 +11,23 @@ use crate::peripherals::usb::{Refused, Usb};
 const OVERHEAD: u64 = 13;
 /// A token and a NAK.
 const NAK_TIME: Ticks = Ticks(8 * BYTE.0);
+
+/// What goes to, or comes from, one endpoint (USB 2.0, 5.3.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pipe {
+    Control,
+    BulkIn,
+    BulkOut,
+    Interrupt,
+}
+
+/// State of one pipe: toggle of its next packet, and when it is tried again. That of the control
+/// pipe has its toggle in the transfer.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PipeState {
+    pub(super) toggle: bool,
+    pub(super) ready: Ticks,
+}
 
 /// A transaction on the wire.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -172,7 +188,6 @@ impl Host {
                 let toggle = self.pipe(pipe).toggle;
                 match usb.output(address, number, toggle, &bytes, memory) {
                     Ok(()) => {
-                        self.statistics.packets_out += 1;
                         self.pipe(pipe).toggle = !toggle;
                         self.to_send.drain(..bytes.len());
                     }

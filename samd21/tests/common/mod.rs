@@ -172,7 +172,8 @@ pub fn run_to_breakpoint(chip: &mut Chip) {
 /// One instruction or exception entry; the cycles it took.
 pub fn step(chip: &mut Chip) -> u64 {
     let before = chip.counters().cycles;
-    assert_eq!(chip.step(&mut Unconnected), Stop::Reached);
+    let behind = chip.now() + Ticks(1);
+    assert_eq!(chip.run_until(behind, &mut Unconnected), Stop::Reached);
     chip.counters().cycles - before
 }
 

@@ -31,7 +31,6 @@ use super::access::{Bus, DONE, ENABLE, Lanes, RESERVED, Read, Refusal, SWRST, Wr
 use super::clock::{Rate, SyncFlags};
 use super::interrupts::Interrupts;
 use super::map::{Block, entry};
-use crate::SyncHold;
 use crate::board::{Board, Lines, Ticks};
 use bus::{BusState, Direction, Motion};
 
@@ -94,7 +93,7 @@ pub(crate) struct Sercom {
 }
 
 impl Sercom {
-    pub(crate) fn new(index: usize, hold: SyncHold) -> Self {
+    pub(crate) fn new(index: usize, hold: Ticks) -> Self {
         Self {
             index,
             sync: SyncFlags::new(hold),
@@ -193,7 +192,7 @@ impl Sercom {
 
     fn write_ctrla(&mut self, bus: &mut Bus<'_>, value: u32) -> Write {
         if value & SWRST != 0 {
-            let fresh = Self::new(self.index, SyncHold::Instant);
+            let fresh = Self::new(self.index, Ticks::ZERO);
             *self = Self {
                 clock: self.clock,
                 slow_clock: self.slow_clock,

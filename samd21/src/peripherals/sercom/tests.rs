@@ -74,7 +74,7 @@ struct Rig {
 
 impl Rig {
     /// SERCOM4 at 48 MHz with BAUD 59 as the HAL sets it for 400 kHz, bus idle.
-    fn new(hold: SyncHold) -> Self {
+    fn new(hold: Ticks) -> Self {
         let mut sercom = Sercom::new(4, hold);
         sercom.set_clocks(Ticks::ZERO, Some(Rate::from_hz(48_000_000)), false);
         sercom.connected = true;
@@ -95,7 +95,7 @@ impl Rig {
     }
 
     fn ready() -> Self {
-        let mut rig = Self::new(SyncHold::Instant);
+        let mut rig = Self::new(Ticks::ZERO);
         rig.enable(0);
         rig
     }
@@ -255,7 +255,7 @@ fn sda_that_sticks_before_a_late_stop_leaves_the_bus_busy() {
 
 #[test]
 fn a_stop_that_never_comes_ends_with_the_low_time_out() {
-    let mut rig = Rig::new(SyncHold::Instant);
+    let mut rig = Rig::new(Ticks::ZERO);
     rig.sercom.set_clocks(rig.now, Some(Rate::from_hz(48_000_000)), true);
     rig.enable(LOWTOUTEN);
     rig.slave.stop_stretch = Ticks::from_ms(500);
@@ -284,7 +284,7 @@ fn nobody_at_the_address_gives_mb_and_rxnack_for_read_and_write() {
 
 #[test]
 fn an_address_on_an_unknown_bus_is_a_bus_error() {
-    let mut rig = Rig::new(SyncHold::Instant);
+    let mut rig = Rig::new(Ticks::ZERO);
     rig.write(0x00, MODE_I2C_MASTER | ENABLE);
     rig.write(0x24, 0x29 << 1);
     assert_eq!(rig.flags(), MB | ERROR);
@@ -317,7 +317,7 @@ fn scl_held_low_never_gives_mb_and_goes_on_when_let_go() {
 #[test]
 fn low_time_out_needs_the_slow_clock() {
     for slow in [false, true] {
-        let mut rig = Rig::new(SyncHold::Instant);
+        let mut rig = Rig::new(Ticks::ZERO);
         rig.sercom.set_clocks(rig.now, Some(Rate::from_hz(48_000_000)), slow);
         rig.enable(LOWTOUTEN);
         rig.slave.held.scl = true;
@@ -359,7 +359,7 @@ fn sda_falling_on_an_idle_bus_makes_it_busy() {
 
 #[test]
 fn sda_stuck_from_the_start_loses_arbitration_at_the_first_one() {
-    let mut rig = Rig::new(SyncHold::Instant);
+    let mut rig = Rig::new(Ticks::ZERO);
     rig.slave.held.sda = true;
     rig.enable(0);
     rig.write(0x24, 0x29 << 1);
@@ -416,7 +416,7 @@ fn wrong_states_are_ignored_and_noted() {
 
 #[test]
 fn a_second_operation_while_sysop_synchronises_is_discarded() {
-    let mut rig = Rig::new(SyncHold::For(Ticks(300)));
+    let mut rig = Rig::new(Ticks(300));
     rig.enable(0);
     rig.write(0x24, 0x29 << 1);
     assert_eq!(rig.read(0x1C), 1 << busy::SYSOP);
@@ -443,9 +443,9 @@ fn interrupts_follow_flags_and_enables() {
 
 #[test]
 fn other_modes_and_sercoms_without_the_buss_pads_do_not_reach_the_bus() {
-    let mut rig = Rig::new(SyncHold::Instant);
+    let mut rig = Rig::new(Ticks::ZERO);
     assert!(rig.access(0x00, Lanes::word(3 << 2)).is_err());
-    let mut rig = Rig::new(SyncHold::Instant);
+    let mut rig = Rig::new(Ticks::ZERO);
     rig.sercom.connected = false;
     rig.enable(0);
     assert_eq!(rig.violations.count(), 1);

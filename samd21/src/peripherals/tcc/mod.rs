@@ -57,7 +57,6 @@ use super::counter::Counter;
 use super::interrupts::Interrupts;
 use super::map::{Block, entry};
 use super::port::Waveforms;
-use crate::SyncHold;
 use crate::board::Ticks;
 use extension::Extension;
 
@@ -146,7 +145,7 @@ pub(crate) struct Tcc {
 }
 
 impl Tcc {
-    pub(crate) fn new(index: usize, hold: SyncHold) -> Self {
+    pub(crate) fn new(index: usize, hold: Ticks) -> Self {
         let max = if index == 2 { 0xFFFF } else { 0xFF_FFFF };
         Self {
             index,
@@ -247,7 +246,7 @@ impl Tcc {
     }
 
     fn software_reset(&mut self) {
-        let fresh = Self::new(self.index, SyncHold::Instant);
+        let fresh = Self::new(self.index, Ticks::ZERO);
         *self = Self { sync: self.sync.clone(), counter: self.counter.fresh(), ..fresh };
     }
 

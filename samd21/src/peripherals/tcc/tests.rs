@@ -20,7 +20,7 @@ struct Rig {
 }
 
 impl Rig {
-    fn new(hold: SyncHold) -> Self {
+    fn new(hold: Ticks) -> Self {
         let mut tcc = Tcc::new(0, hold);
         tcc.set_clock(Ticks::ZERO, Some(Rate::from_hz(48_000_000)));
         Self { tcc, violations: Violations::default(), output: 5, edges: Vec::new(), level: false }
@@ -71,7 +71,7 @@ impl Rig {
 
     /// NPWM, PER 959999 (20 ms), CC1 as given, enabled at 0.
     fn servo(cc: u32) -> Self {
-        let mut rig = Self::new(SyncHold::Instant);
+        let mut rig = Self::new(Ticks::ZERO);
         rig.write(0, 0x3C, NPWM);
         rig.write(0, 0x40, 959_999);
         rig.write(0, 0x48, cc);
@@ -145,7 +145,7 @@ fn overflow_and_match_raise_flags_and_the_interrupt() {
 
 #[test]
 fn the_prescaler_divides_and_a_new_period_moves_the_overflow() {
-    let mut rig = Rig::new(SyncHold::Instant);
+    let mut rig = Rig::new(Ticks::ZERO);
     rig.write(0, 0x3C, NPWM);
     rig.write(0, 0x40, 59_999);
     rig.write(0, 0x48, 4569);
@@ -178,7 +178,7 @@ fn count_is_what_the_last_readsync_saw() {
 
 #[test]
 fn a_second_write_while_synchronising_is_discarded_and_noted() {
-    let mut rig = Rig::new(SyncHold::For(Ticks(200)));
+    let mut rig = Rig::new(Ticks(200));
     rig.write(0, 0x74, 1000);
     assert_eq!(rig.read(199, 0x08), 1 << 20);
     rig.write(100, 0x74, 2000);
@@ -208,7 +208,7 @@ fn disabling_releases_the_pin_and_keeps_count() {
 
 #[test]
 fn without_a_clock_nothing_counts_and_synchronisation_hangs() {
-    let mut rig = Rig::new(SyncHold::Instant);
+    let mut rig = Rig::new(Ticks::ZERO);
     rig.tcc.set_clock(Ticks(0), None);
     rig.write(0, 0x00, ENABLE);
     assert_eq!(rig.read(1_000_000, 0x08), 1 << 1);
@@ -229,7 +229,7 @@ fn software_reset_forgets_all_but_the_clock() {
 
 #[test]
 fn what_is_not_modelled_is_loud() {
-    let mut rig = Rig::new(SyncHold::Instant);
+    let mut rig = Rig::new(Ticks::ZERO);
     let mut refused = |offset, lanes| rig.try_write(0, offset, lanes).is_err();
     assert!(refused(0x3C, Lanes::word(3)), "WAVEGEN, reserved");
     assert!(refused(0x3C, Lanes::word(1 << 12)), "WAVE, reserved");
@@ -238,8 +238,8 @@ fn what_is_not_modelled_is_loud() {
     assert!(refused(0x04, Lanes::new(5 << 5, 1, 1)), "a command, DMA");
     assert!(refused(0x00, Lanes::word(CPTEN0)), "capture, an event");
     assert!(!refused(0x14, Lanes::word(0)));
-    let mut second = Rig::new(SyncHold::Instant);
-    second.tcc = Tcc::new(1, SyncHold::Instant);
+    let mut second = Rig::new(Ticks::ZERO);
+    second.tcc = Tcc::new(1, Ticks::ZERO);
     assert!(second.try_write(0, 0x14, Lanes::word(1)).is_err(), "TCC1");
 }
 

@@ -24,6 +24,12 @@ enum Generation {
     Top,
 }
 
+/// By the value of WAVEGEN.
+const GENERATIONS: [Generation; 8] = {
+    use Generation::*;
+    [NormalFrequency, MatchFrequency, NormalPwm, Reserved, Critical, Bottom, Both, Top]
+};
+
 impl Generation {
     fn has_two_slopes(self) -> bool {
         matches!(self, Self::Critical | Self::Bottom | Self::Both | Self::Top)
@@ -32,16 +38,7 @@ impl Generation {
 
 impl Tcc {
     fn generation(&self) -> Generation {
-        match self.wave & 7 {
-            0 => Generation::NormalFrequency,
-            1 => Generation::MatchFrequency,
-            2 => Generation::NormalPwm,
-            3 => Generation::Reserved,
-            4 => Generation::Critical,
-            5 => Generation::Bottom,
-            6 => Generation::Both,
-            _ => Generation::Top,
-        }
+        GENERATIONS[(self.wave & 7) as usize]
     }
 
     /// Bits of a count that dithering takes (CTRLA.RESOLUTION).

@@ -37,7 +37,6 @@ use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::{Rate, SyncFlags};
 use super::interrupts::Interrupts;
 use super::map::Block;
-use crate::SyncHold;
 use crate::board::Ticks;
 use endpoint::Endpoint;
 
@@ -84,7 +83,7 @@ fn index(offset: u32) -> usize {
 }
 
 impl Usb {
-    pub(crate) fn new(hold: SyncHold) -> Self {
+    pub(crate) fn new(hold: Ticks) -> Self {
         Self {
             sync: SyncFlags::new(hold),
             qos: 5,
@@ -101,7 +100,7 @@ impl Usb {
 
     /// Whether the pull-up on D+ shows a device, and one that can answer.
     pub(crate) fn is_attached(&self) -> bool {
-        self.ctrla & ENABLE != 0 && self.ctrlb & DETACH == 0 && self.pads && self.sync.is_clocked()
+        self.ctrla & ENABLE != 0 && self.ctrlb & DETACH == 0 && self.pads && self.sync.clocked
     }
 
     pub(crate) fn irq(&self) -> u32 {
@@ -243,8 +242,7 @@ impl Usb {
             return Ok(());
         }
         if value & SWRST != 0 {
-            *self =
-                Self { sync: self.sync.clone(), pads: self.pads, ..Self::new(SyncHold::Instant) };
+            *self = Self { sync: self.sync.clone(), pads: self.pads, ..Self::new(Ticks::ZERO) };
             self.sync.begin(bus.now, 0);
             return Ok(());
         }

@@ -4,7 +4,7 @@ use crate::memory::Memory;
 const BASE: u32 = 0x2000_0100;
 
 fn ready() -> (Usb, Memory) {
-    let mut usb = Usb::new(SyncHold::Instant);
+    let mut usb = Usb::new(Ticks::ZERO);
     usb.set_clock(Ticks::ZERO, Some(Rate::from_hz(48_000_000)));
     usb.pads = true;
     usb.ctrla = ENABLE;

@@ -8,7 +8,7 @@ fn rig(wexctrl: u32, drvctrl: u32, patt: u32, swap: u32) -> Rig {
 }
 
 fn rig_at(output: u8, wexctrl: u32, drvctrl: u32, patt: u32, swap: u32) -> Rig {
-    let mut rig = Rig::new(SyncHold::Instant);
+    let mut rig = Rig::new(Ticks::ZERO);
     rig.output = output;
     rig.write(0, 0x14, wexctrl);
     rig.write(0, 0x18, drvctrl);

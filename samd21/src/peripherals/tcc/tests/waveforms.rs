@@ -14,7 +14,7 @@ fn short(wave: u32, ctrlb: u8) -> Rig {
 
 /// The same, with another output than that of channel 1.
 fn short_at(output: u8, wave: u32, ctrlb: u8) -> Rig {
-    let mut rig = Rig::new(SyncHold::Instant);
+    let mut rig = Rig::new(Ticks::ZERO);
     rig.output = output;
     rig.write(0, 0x3C, wave);
     rig.write(0, 0x40, 999);
@@ -136,7 +136,7 @@ fn a_retrigger_begins_anew_and_auto_lock_locks_the_buffers() {
     rig.command(250, 1 << 5);
     rig.run(1300);
     assert_eq!(rig.edges, [(0, true), (550, false), (1250, true)]);
-    let mut locked = Rig::new(SyncHold::Instant);
+    let mut locked = Rig::new(Ticks::ZERO);
     locked.write(0, 0x3C, NPWM);
     locked.write(0, 0x40, 999);
     locked.write(0, 0x48, 300);
@@ -165,7 +165,7 @@ fn a_stop_releases_the_outputs_or_brings_them_to_the_safe_level() {
         [(0, true), (100, false), (500, true), (700, false), (1400, true), (1700, false)]
     );
     // NRE5 and NRV5.
-    let mut safe = Rig::new(SyncHold::Instant);
+    let mut safe = Rig::new(Ticks::ZERO);
     safe.write(0, 0x18, 1 << 5 | 1 << 13);
     safe.write(0, 0x3C, NPWM);
     safe.write(0, 0x40, 999);
@@ -180,7 +180,7 @@ fn a_stop_releases_the_outputs_or_brings_them_to_the_safe_level() {
 #[test]
 fn dithering_takes_the_lowest_bits() {
     // DITH4: PER 959,999 counts 60,000, CC 72,000 is 4,500.
-    let mut rig = Rig::new(SyncHold::Instant);
+    let mut rig = Rig::new(Ticks::ZERO);
     rig.write(0, 0x3C, NPWM);
     rig.write(0, 0x40, 959_999);
     rig.write(0, 0x48, 72_000);
