@@ -5,9 +5,8 @@ use std::path::Path;
 use anyhow::Result;
 use client::Wire;
 
-use super::cut::done;
-use crate::cli::TOOL;
-use flights::log::{self, Frames, Writer};
+use super::cut;
+use flights::log::{self, Frames};
 use report::exit::{BadInput, Verdict};
 use report::input;
 
@@ -30,12 +29,7 @@ pub fn run(path: &Path, file: &Path, json: bool) -> Result<Verdict> {
         ))
         .into());
     }
-    let mut writer = Writer::whole(file, TOOL)?;
-    for (time_us, frame) in &frames {
-        writer.write_at(*time_us, frame)?;
-    }
-    writer.end()?;
-    done(file, frames.len(), json)
+    cut::write(file, &[], &frames, json)
 }
 
 /// The whole frames among what was found, with times that may be right.
