@@ -15,11 +15,11 @@ use anyhow::Result;
 use clap::{Args, Subcommand, ValueEnum};
 
 use crate::flight::disturb::Disturb;
-use crate::flight::fly::start_angle;
+use crate::flight::fly::{faults, start_angle};
 use crate::flight::hardware::HardwareChoice;
 use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
-use report::arguments::seconds;
+use report::arguments::{number, seconds};
 use report::exit::{BadInput, Verdict};
 #[cfg(unix)]
 use report::file::print;
@@ -161,10 +161,7 @@ impl SensorChoice {
 }
 
 fn speed(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(times) if (0.1..=20.0).contains(&times) => Ok(times),
-        _ => Err("a speed is 0.1 to 20 times real time".into()),
-    }
+    number(text, 0.1..=20.0, "a speed is 0.1 to 20 times real time")
 }
 
 fn roll_angle(text: &str) -> Result<f64, String> {
@@ -175,10 +172,7 @@ fn roll_angle(text: &str) -> Result<f64, String> {
 }
 
 fn offset(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(mm) if mm.abs() <= 30.0 => Ok(mm),
-        _ => Err("an offset of the mass is -30 to 30 mm".into()),
-    }
+    number(text, -30.0..=30.0, "an offset of the mass is -30 to 30 mm")
 }
 
 /// Pitch rate at which the drone leaves the clamp, rad/s, as in `tvc fly`.
@@ -224,11 +218,7 @@ impl RigChoice {
     /// # Errors
     /// A scenario, an image or a memory that cannot be had; a choice that does not fit.
     pub fn attended(&self) -> Result<Attended> {
-        let scenario = self.faults.as_deref();
-        let scenario = scenario
-            .map(|path| crate::flight::fly::faults::read(path, self.seed, LONGEST_S))
-            .transpose()?
-            .unwrap_or_default();
+        let scenario = faults::read(self.faults.as_deref(), self.seed, LONGEST_S)?;
         let mut config = ::rig::RigConfig {
             seed: self.seed,
             stored: (!self.blank).then(::rig::RigConfig::polarity_set),

@@ -18,6 +18,7 @@ use rig::prepare;
 use serde::Serialize;
 use tvc_nano::Axis;
 
+use super::figures::cycles;
 use super::flights::{FLIGHT_S, START_RATE_RAD_S, STARTS_RAD};
 use super::{Flying, since, told};
 use crate::flight::vehicle::VehicleKind;
@@ -81,12 +82,6 @@ struct Boot {
     seed: u64,
     heading_deg: f64,
     starts: Vec<Start>,
-}
-
-impl Boot {
-    fn new(setup: Setup, seed: u64, heading_deg: f64, starts: Vec<Start>) -> Self {
-        Self { setup, seed, heading_deg, starts }
-    }
 }
 
 /// One flight: lists name pitch first, then roll.
@@ -218,7 +213,7 @@ impl Flying<'_> {
                 Start { tilt_rad: [start.tilt_rad[0], 0.0], ..start }
             };
             let starts = sizes.iter().map(start).collect();
-            Boot::new(self.setup(seed), seed, 0.0, starts)
+            Boot { setup: self.setup(seed), seed, heading_deg: 0.0, starts }
         });
         let runs = self.fly_drones("seeds", &boots.collect::<Vec<_>>())?;
         let servo = self.options.servo;
@@ -267,7 +262,7 @@ impl Flying<'_> {
                 let starts = starts.collect();
                 let mut setup = self.setup(seed);
                 setup.rig.bench.heading_rad = heading_deg.to_radians();
-                Boot::new(setup, seed, heading_deg, starts)
+                Boot { setup, seed, heading_deg, starts }
             })
         });
         let runs = self.fly_drones("headings", &boots.collect::<Vec<_>>())?;
@@ -331,12 +326,9 @@ impl Flying<'_> {
         let ready = prepare(self.image, &setup, &mut |_| ())?;
         let record = ready.fly_from(&release, 1.0, &mut |_| ())?;
         let spread = record.timing.cycles_per_step;
-        let cycles = |key, cycles: f64, which| {
-            let label = format!("cycles a step, 0 wait states, {which}");
-            figure(key, cycles).shown(label, "", 0)
-        };
-        let mean = cycles("cycles_per_step_mean", spread.mean, "mean");
-        Ok(figure("loop", [mean, cycles("cycles_per_step_max", spread.max, "worst")]))
+        let mean = cycles(figure("cycles_per_step_mean", spread.mean), "0 wait states, mean");
+        let worst = cycles(figure("cycles_per_step_max", spread.max), "0 wait states, worst");
+        Ok(figure("loop", [mean, worst]))
     }
 
     /// Flies `count` vehicles that are not as their parameters say, one flight each; the figures
@@ -363,7 +355,7 @@ impl Flying<'_> {
             setup.rig.bench.servo = drawn.servo;
             setup.rig.bench.heading_rad = f64::to_radians(heading_deg);
             let starts = vec![Start::new(direction, size_rad, side, spin_rad_s)];
-            Boot::new(setup, index, heading_deg, starts)
+            Boot { setup, seed: index, heading_deg, starts }
         });
         let runs = self.fly_drones("vehicles", &boots.collect::<Vec<_>>())?;
         let all: Vec<&Run> = runs.iter().collect();
