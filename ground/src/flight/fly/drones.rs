@@ -149,6 +149,11 @@ impl Run {
         })
     }
 
+    /// Whether these axes were tilted so far.
+    fn is_from(&self, size_rad: f64, axes: &str) -> bool {
+        self.start.size_rad == size_rad && self.start.axes == axes
+    }
+
     /// Those of two figures whose axes were tilted.
     fn tilted(&self, figures: [Option<f64>; 2]) -> impl Iterator<Item = Option<f64>> {
         let axes = self.start_rad.into_iter().zip(figures);
@@ -287,8 +292,7 @@ impl Flying<'_> {
 
     /// The row of a tilt of some axes.
     fn joint_row(&self, size: f64, axes: &str, runs: &[Run]) -> [Figure; 6] {
-        let is_one = |run: &&Run| run.start.size_rad == size && run.start.axes == axes;
-        let of: Vec<&Run> = runs.iter().filter(is_one).collect();
+        let of: Vec<&Run> = runs.iter().filter(|run| run.is_from(size, axes)).collect();
         // A run that has left control has neither settled nor a bounded overshoot.
         let held = |run: &Run, figures: [Option<f64>; 2]| {
             figures.map(|figure| figure.filter(|_| run.stayed_active))
@@ -405,15 +409,11 @@ fn plots(sizes: &[f64], directions: usize, runs: &[Run]) -> Result<Vec<Markup>> 
     for size_rad in sizes {
         parts.push(html! { h2 { "From " (size_rad) " rad" } });
         for (_, axes) in &DIRECTIONS[..directions] {
-            let of = || {
-                let all = runs.iter();
-                all.filter(|run| run.start.size_rad == *size_rad && run.start.axes == *axes)
-            };
+            let of = runs.iter().filter(|run| run.is_from(*size_rad, axes));
             let line = |axis: usize, name: &'static str| {
-                of().enumerate().map(move |(index, run)| {
-                    let Run { path, start, .. } = run;
-                    let side = start.tilt_rad.iter().sum::<f64>().signum();
-                    let path = path.iter().map(|(at_s, tilt)| (*at_s, side * tilt[axis]));
+                of.clone().enumerate().map(move |(index, run)| {
+                    let side = run.start.tilt_rad.iter().sum::<f64>().signum();
+                    let path = run.path.iter().map(|(at_s, tilt)| (*at_s, side * tilt[axis]));
                     Line::new(if index == 0 { name } else { "" }, axis, path.collect())
                 })
             };

@@ -215,11 +215,10 @@ impl Flying<'_> {
     pub(super) fn rockets(&self, count: u32) -> Result<(Figures, String)> {
         let cases = Case::all();
         let flights = self.seeded(count).flat_map(|(seed, _)| {
-            let flights = cases.iter().map(move |case| {
+            cases.iter().map(move |case| {
                 let on_pad = case.airframe.on_pad(seed);
                 Flight { seed, case: *case, on_pad }
-            });
-            flights.collect::<Vec<_>>()
+            })
         });
         let runs = self.fly_rockets("flights", &flights.collect::<Vec<_>>())?;
         let row = |case: &Case| {
