@@ -11,7 +11,7 @@ use ::rig::attended::Attended;
 use ::rig::bench::VehicleConfig;
 use ::rig::bno055::ImuErrors;
 use ::rig::pilot::{Manner, Pilot};
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 
 use crate::flight::disturb::Disturb;
@@ -233,7 +233,7 @@ impl RigChoice {
             VehicleConfig::TwoAxes(two_axes) => two_axes.start_roll_rad = self.roll,
             VehicleConfig::Rocket(rocket) => rocket.start_rad = [self.tilt, self.roll],
             VehicleConfig::OneAxis if self.roll != 0.0 => {
-                return Err(BadInput::new("--roll needs --vehicle drone2 or rocket").into());
+                bail!(BadInput::new("--roll needs --vehicle drone2 or rocket"));
             }
             VehicleConfig::OneAxis => {}
         }
@@ -314,10 +314,7 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
 /// Only Unix has pseudo-terminals.
 #[cfg(not(unix))]
 fn run_rig(_options: &Rig) -> Result<Verdict> {
-    Err(report::exit::BadInput::new(
-        "pseudo-terminals need Linux or macOS; `tvc fly` runs the rig everywhere",
-    )
-    .into())
+    bail!(BadInput::new("pseudo-terminals need Linux or macOS; `tvc fly` runs the rig everywhere"))
 }
 
 /// A symbolic link to the rig's port, removed when the rig ends, and the socket beside it.
@@ -343,10 +340,10 @@ impl Link {
         };
         match std::fs::symlink_metadata(path) {
             Ok(there) if !there.is_symlink() => {
-                return Err(refuse("is there already and is no link").into());
+                bail!(refuse("is there already and is no link"));
             }
             Ok(_) if !std::fs::read_link(path).is_ok_and(|target| is_terminal(&target)) => {
-                return Err(refuse("is there already and leads to no pseudo-terminal").into());
+                bail!(refuse("is there already and leads to no pseudo-terminal"));
             }
             _ => {}
         }
@@ -354,7 +351,7 @@ impl Link {
         let control = match ::rig::control::Control::open(&socket) {
             Ok(control) => Some(control),
             Err(error) if error.kind() == std::io::ErrorKind::AddrInUse => {
-                return Err(refuse("is the link of another rig that runs").into());
+                bail!(refuse("is the link of another rig that runs"));
             }
             Err(error) => {
                 eprintln!("nothing can be done by hand: {}: {error}", socket.display());

@@ -13,7 +13,7 @@ mod rocket;
 
 use std::num::NonZeroU32;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use maud::{Markup, html};
 use rig::Image;
 use rig::flight::{FlightRecord, Setup};
@@ -36,7 +36,7 @@ pub fn run(options: &Fly) -> Result<Verdict> {
         rocket::check(options)?;
     }
     if options.vcd.is_some() && options.vehicle != Drone {
-        return Err(BadInput::new("--vcd is for --vehicle drone").into());
+        bail!(BadInput::new("--vcd is for --vehicle drone"));
     }
     let mut setup = setup(options)?;
     let image = options.image.image()?;

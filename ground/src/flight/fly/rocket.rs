@@ -1,7 +1,7 @@
 //! Flights of the rocket through its burn: stable and unstable, with scheduled and constant gains,
 //! and with the accelerometer left in the estimate, to show what that does.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use maud::Markup;
 use rig::bench::{RocketConfig, SHAFT_PER_GIMBAL, VehicleConfig, ZERO_RUDDER_US};
 use rig::flight::FlightRecord;
@@ -127,14 +127,13 @@ pub fn check(options: &Fly) -> Result<()> {
         ("--params", options.params.is_some()),
         ("--drone", options.drone.is_some()),
     ];
-    match given.into_iter().find(|(_, is_given)| *is_given) {
-        None => Ok(()),
-        Some((name, _)) => Err(BadInput::new(format!(
+    if let Some((name, _)) = given.into_iter().find(|(_, is_given)| *is_given) {
+        bail!(BadInput::new(format!(
             "{name} is the drone's, and --vehicle rocket has no use for it: its gains and gimbal are \
              those of `tvc tune --vehicle rocket`"
-        ))
-        .into()),
+        )));
     }
+    Ok(())
 }
 
 /// What the rocket meets on its way: figures that the page tells in words.

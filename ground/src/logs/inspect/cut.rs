@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use client::request::text_of;
 use client::{Wire, text};
 use mavlink::dialects::common::MavMessage;
@@ -34,11 +34,10 @@ pub fn run(options: &Cut, json: bool) -> Result<Verdict> {
     let frames: Vec<(u64, &[u8])> = Frames::of(&bytes).filter(|frame| is_inside(frame.0)).collect();
     let Some((begin_us, _)) = frames.first() else {
         let length_s = log.length_s();
-        return Err(BadInput::new(format!(
+        bail!(BadInput::new(format!(
             "there is nothing from {from_s} s to {to_s} s: {} has {length_s:.1} s",
             options.log.display()
-        ))
-        .into());
+        )));
     };
     write(&options.file, &known(&bytes, *begin_us, &frames), &frames, json)
 }
@@ -73,13 +72,14 @@ pub fn write(
 fn range(options: &Cut, log: &Log) -> Result<(f64, f64)> {
     let Some(number) = options.release else {
         return match (options.from, options.to) {
-            (None, None) => Err(BadInput::new("no part is named: give --from, --to or --release")),
+            (None, None) => {
+                bail!(BadInput::new("no part is named: give --from, --to or --release"))
+            }
             (Some(from_s), Some(to_s)) if from_s >= to_s => {
-                Err(BadInput::new("--from must be before --to"))
+                bail!(BadInput::new("--from must be before --to"))
             }
             (from_s, to_s) => Ok((from_s.unwrap_or(0.0), to_s.unwrap_or(log.length_s()))),
-        }
-        .map_err(Into::into);
+        };
     };
     let releases = releases(log);
     let release = number.checked_sub(1).and_then(|index| releases.get(index));

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use client::Wire;
 
 use super::cut;
@@ -23,11 +23,10 @@ pub fn run(path: &Path, file: &Path, json: bool) -> Result<Verdict> {
     let found = log::salvaged(&bytes);
     let frames = frames(&found);
     if !frames.iter().any(|frame| log::is_from_vehicle(frame.1)) {
-        return Err(BadInput::new(format!(
+        bail!(BadInput::new(format!(
             "nothing of {} can be read as messages of a vehicle",
             path.display()
-        ))
-        .into());
+        )));
     }
     cut::write(file, &[], &frames, json)
 }

@@ -84,13 +84,10 @@ fn settling(flight: &Flight) -> Vec<(f64, f64)> {
             Event::Status(status) => is_unsettled(status),
             _ => continue,
         };
-        match since {
-            None if is_settling => since = Some(now_s),
-            Some(from) if !is_settling => {
-                stretches.push((from, now_s));
-                since = None;
-            }
-            _ => {}
+        if is_settling {
+            since.get_or_insert(now_s);
+        } else {
+            stretches.extend(since.take().map(|from| (from, now_s)));
         }
     }
     stretches.extend(since.map(|from| (from, now_s)));
