@@ -256,14 +256,13 @@ impl Flying<'_> {
     /// Flies the drone with two rudders with each of `count` seeds; the figures and the page.
     pub(super) fn two_axes(&self, count: u32) -> Result<(Figures, String)> {
         let sizes = self.sizes(JOINT_STARTS_RAD);
-        let start = |side: f64, size_rad: f64, direction: usize| {
-            SPINS_RAD_S.map(|spin_rad_s| Start::new(direction, size_rad, side, spin_rad_s))
-        };
         let places = sizes.iter().flat_map(|size| [0, 1, 2].map(|axes| (*size, axes)));
         let places: Vec<(f64, usize)> = places.collect();
         let boots = self.seeded(count).flat_map(|(seed, side)| {
             HEADINGS_DEG.map(|heading_deg| {
-                let starts = places.iter().flat_map(|(size, axes)| start(side, *size, *axes));
+                let starts = places.iter().flat_map(|(size_rad, axes)| {
+                    SPINS_RAD_S.map(|spin_rad_s| Start::new(*axes, *size_rad, side, spin_rad_s))
+                });
                 let starts = starts.collect();
                 let mut setup = self.setup(seed);
                 setup.rig.bench.heading_rad = heading_deg.to_radians();
@@ -273,11 +272,10 @@ impl Flying<'_> {
         let runs = self.fly_drones("headings", &boots.collect::<Vec<_>>())?;
         let rows_of =
             places.iter().map(|(size, axes)| self.joint_row(*size, DIRECTIONS[*axes].1, &runs));
-        let table = rows("starts", rows_of);
         let figures = self.named().into_iter().chain([
             figure("seeds", count),
             self.cycles(sizes[0])?,
-            table,
+            rows("starts", rows_of),
             data("runs", &runs),
         ]);
         let (servo, flights) = (self.options.servo.name(), runs.len());
