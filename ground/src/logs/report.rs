@@ -195,8 +195,8 @@ fn loop_figures(flight: &Flight) -> Figure {
     )
 }
 
-/// Health, as the vehicle reports it once a second: its counts within the log, and the seconds after
-/// the self-test in which something enabled was not healthy.
+/// Health, as the vehicle reports it once a second: its counts within the log, and the seconds
+/// after the self-test in which something enabled was not healthy.
 fn health_figures(flight: &Flight) -> Figure {
     let (mut load_max, mut bus_errors, mut dropped, mut unhealthy) = (0.0_f64, 0, 0, 0);
     let (mut first, mut starting) = (None, true);

@@ -96,8 +96,8 @@ impl Outcome {
         Ok(Self { samples: 0, magnetometer_samples: 0, scorer: Scorer::default(), out })
     }
 
-    /// Estimates at every sample of `source`: at once by the filter that is `live`, or else, when all
-    /// of them are known, by that of `choice`.
+    /// Estimates at every sample of `source`: at once by the filter that is `live`, or else by that
+    /// of `choice` when all samples are known.
     fn run(
         &mut self,
         source: &mut Source,

@@ -45,8 +45,8 @@ struct File {
     temperature: Option<Temperature>,
 }
 
-/// Reads the file, if there is one, for flights of `length_s`. How hard a fault strikes is drawn from `seed` where
-/// the file leaves it open.
+/// Reads the file, if there is one, for flights of `length_s`. How hard a fault strikes is drawn
+/// from `seed` where the file leaves it open.
 ///
 /// # Errors
 /// The file cannot be read, is not of this form, or has a value out of its range.
