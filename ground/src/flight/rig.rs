@@ -11,15 +11,15 @@ use ::rig::attended::Attended;
 use ::rig::bench::VehicleConfig;
 use ::rig::bno055::ImuErrors;
 use ::rig::pilot::{Manner, Pilot};
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 
 use crate::flight::disturb::Disturb;
-use crate::flight::fly::start_angle;
+use crate::flight::fly::{faults, start_angle};
 use crate::flight::hardware::HardwareChoice;
 use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
-use report::arguments::seconds;
+use report::arguments::{number, seconds};
 use report::exit::{BadInput, Verdict};
 #[cfg(unix)]
 use report::file::print;
@@ -161,10 +161,7 @@ impl SensorChoice {
 }
 
 fn speed(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(times) if (0.1..=20.0).contains(&times) => Ok(times),
-        _ => Err("a speed is 0.1 to 20 times real time".into()),
-    }
+    number(text, 0.1..=20.0, "a speed is 0.1 to 20 times real time")
 }
 
 fn roll_angle(text: &str) -> Result<f64, String> {
@@ -175,10 +172,7 @@ fn roll_angle(text: &str) -> Result<f64, String> {
 }
 
 fn offset(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(mm) if mm.abs() <= 30.0 => Ok(mm),
-        _ => Err("an offset of the mass is -30 to 30 mm".into()),
-    }
+    number(text, -30.0..=30.0, "an offset of the mass is -30 to 30 mm")
 }
 
 /// Pitch rate at which the drone leaves the clamp, rad/s, as in `tvc fly`.
@@ -224,11 +218,7 @@ impl RigChoice {
     /// # Errors
     /// A scenario, an image or a memory that cannot be had; a choice that does not fit.
     pub fn attended(&self) -> Result<Attended> {
-        let scenario = self.faults.as_deref();
-        let scenario = scenario
-            .map(|path| crate::flight::fly::faults::read(path, self.seed, LONGEST_S))
-            .transpose()?
-            .unwrap_or_default();
+        let scenario = faults::read(self.faults.as_deref(), self.seed, LONGEST_S)?;
         let mut config = ::rig::RigConfig {
             seed: self.seed,
             stored: (!self.blank).then(::rig::RigConfig::polarity_set),
@@ -243,7 +233,7 @@ impl RigChoice {
             VehicleConfig::TwoAxes(two_axes) => two_axes.start_roll_rad = self.roll,
             VehicleConfig::Rocket(rocket) => rocket.start_rad = [self.tilt, self.roll],
             VehicleConfig::OneAxis if self.roll != 0.0 => {
-                return Err(BadInput::new("--roll needs --vehicle drone2 or rocket").into());
+                bail!(BadInput::new("--roll needs --vehicle drone2 or rocket"));
             }
             VehicleConfig::OneAxis => {}
         }
@@ -324,10 +314,7 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
 /// Only Unix has pseudo-terminals.
 #[cfg(not(unix))]
 fn run_rig(_options: &Rig) -> Result<Verdict> {
-    Err(report::exit::BadInput::new(
-        "pseudo-terminals need Linux or macOS; `tvc fly` runs the rig everywhere",
-    )
-    .into())
+    bail!(BadInput::new("pseudo-terminals need Linux or macOS; `tvc fly` runs the rig everywhere"))
 }
 
 /// A symbolic link to the rig's port, removed when the rig ends, and the socket beside it.
@@ -353,10 +340,10 @@ impl Link {
         };
         match std::fs::symlink_metadata(path) {
             Ok(there) if !there.is_symlink() => {
-                return Err(refuse("is there already and is no link").into());
+                bail!(refuse("is there already and is no link"));
             }
             Ok(_) if !std::fs::read_link(path).is_ok_and(|target| is_terminal(&target)) => {
-                return Err(refuse("is there already and leads to no pseudo-terminal").into());
+                bail!(refuse("is there already and leads to no pseudo-terminal"));
             }
             _ => {}
         }
@@ -364,7 +351,7 @@ impl Link {
         let control = match ::rig::control::Control::open(&socket) {
             Ok(control) => Some(control),
             Err(error) if error.kind() == std::io::ErrorKind::AddrInUse => {
-                return Err(refuse("is the link of another rig that runs").into());
+                bail!(refuse("is the link of another rig that runs"));
             }
             Err(error) => {
                 eprintln!("nothing can be done by hand: {}: {error}", socket.display());

@@ -4,6 +4,7 @@ use anyhow::{Result, anyhow};
 use rig::RigConfig;
 use rig::bench::{TwoAxes, VehicleConfig};
 use rig::rocket::{self, Airframe, RocketLaw};
+use tvc_nano::Params;
 
 /// A vehicle on the rig.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -48,12 +49,17 @@ impl VehicleKind {
                 rocket::parameters(Airframe::Stable, RocketLaw::Scheduled)
             }
         };
-        for (name, value) in parameters {
-            if let Some(stored) = &mut rig.stored {
-                let set = stored.set(&name, value);
-                set.map_err(|error| anyhow!("{error}"))?;
-            }
-        }
-        Ok(())
+        rig.stored.as_mut().map_or(Ok(()), |stored| store(stored, &parameters))
     }
+}
+
+/// Puts parameters among the stored ones.
+///
+/// # Errors
+/// One that is not in the firmware's table, or out of its range.
+pub fn store(stored: &mut Params, parameters: &[(String, f32)]) -> Result<()> {
+    for (name, value) in parameters {
+        stored.set(name, *value).map_err(|error| anyhow!("{error}"))?;
+    }
+    Ok(())
 }

@@ -12,7 +12,7 @@ mod table;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 use client::state::{is_in_operation, reason_of, state_of};
 use client::{ReasonKind, StateKind};
@@ -119,11 +119,8 @@ pub fn run(options: &Replay) -> Result<Verdict> {
     let changed: BTreeMap<String, f32> = options.parameters.iter().cloned().collect();
     let (pairs, refused) = replay(&flight, &changed)?;
     if pairs.is_empty() {
-        return Err(BadInput::new(format!(
-            "{} has no control steps to replay",
-            options.log.display()
-        ))
-        .into());
+        let log = options.log.display();
+        bail!(BadInput::new(format!("{log} has no control steps to replay")));
     }
     let mut found = compare(&pairs);
     (found.missed, found.lost) = (flight.missed(), flight.lost());

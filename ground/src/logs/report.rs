@@ -69,19 +69,6 @@ struct LoopTiming {
     sample_to_step_us: Spread,
 }
 
-/// Health, as the vehicle reports it once a second.
-#[derive(Default)]
-struct Health {
-    /// Largest share of time for which the processor was awake, 0 to 1.
-    load_max: f64,
-    /// Failed transfers on the sensor's bus within the log.
-    bus_errors: u16,
-    /// Frames within the log that the vehicle dropped because nobody took them.
-    dropped: u16,
-    /// Seconds after the self-test in which something enabled was not healthy.
-    unhealthy: usize,
-}
-
 /// Reads a log, prints its figures and writes the page.
 pub fn run(options: &Report) -> Result<Verdict> {
     let given = options.out.as_deref();
@@ -117,7 +104,7 @@ pub fn figures(flight: &Flight) -> Figures {
     figures.extend([
         loop_figures(flight),
         telemetry(flight.counts),
-        health_figures(&health(flight)),
+        health_figures(flight),
         data("parameters", &last_parameters(flight)),
         data("events", &events(flight)),
     ]);
@@ -177,15 +164,13 @@ fn hold_figures(index: usize, release: &Release, axis: Axis) -> Option<[Figure; 
     let mean = errors.iter().sum::<f64>() / count;
     let rms = (errors.iter().map(|e| e * e).sum::<f64>() / count).sqrt();
     let max = errors.iter().map(|e| e.abs()).fold(0.0, f64::max);
+    let label = match axis {
+        Axis::Pitch => "release",
+        Axis::Roll => "release, roll",
+    };
     (!errors.is_empty()).then(|| {
         [
-            shown(
-                match axis {
-                    Axis::Pitch => "release",
-                    Axis::Roll => "release, roll",
-                },
-                format!("{}, after {SWING_S} s", index + 1),
-            ),
+            shown(label, format!("{}, after {SWING_S} s", index + 1)),
             figure("mean_error_rad", mean).shown("mean error", "rad", 4),
             figure("rms_error_rad", rms).shown("rms", "rad", 4),
             figure("max_error_rad", max).shown("worst", "rad", 4),
@@ -210,18 +195,34 @@ fn loop_figures(flight: &Flight) -> Figure {
     )
 }
 
-fn health_figures(health: &Health) -> Figure {
-    let count = |key, count: usize, label| figure(key, count).shown(label, "", 0);
-    let dropped = usize::from(health.dropped);
+/// Health, as the vehicle reports it once a second: its counts within the log, and the seconds
+/// after the self-test in which something enabled was not healthy.
+fn health_figures(flight: &Flight) -> Figure {
+    let (mut load_max, mut bus_errors, mut dropped, mut unhealthy) = (0.0_f64, 0, 0, 0);
+    let (mut first, mut starting) = (None, true);
+    for event in &flight.events {
+        match event {
+            Event::State(code) => {
+                starting = matches!(state_of(*code), Some(StateKind::Boot | StateKind::SelfTest));
+            }
+            Event::Status(status) => {
+                let first = first.get_or_insert(status);
+                load_max = load_max.max(f64::from(status.load) * 1e-3);
+                bus_errors = status.errors_count3.wrapping_sub(first.errors_count3);
+                dropped = status.errors_count1.wrapping_sub(first.errors_count1);
+                unhealthy += u32::from(!sick(status).is_empty() && !starting);
+            }
+            _ => {}
+        }
+    }
+    let count = |key, count: u32, label| figure(key, count).shown(label, "", 0);
     figure(
         "health",
         [
-            figure("load_max", health.load_max)
-                .shown("processor awake, most", "%", 1)
-                .scaled(100.0),
-            count("bus_errors", health.bus_errors.into(), "bus errors"),
-            count("dropped", dropped, "frames dropped by the vehicle"),
-            count("unhealthy", health.unhealthy, "seconds unhealthy"),
+            figure("load_max", load_max).shown("processor awake, most", "%", 1).scaled(100.0),
+            count("bus_errors", bus_errors.into(), "bus errors"),
+            count("dropped", dropped.into(), "frames dropped by the vehicle"),
+            count("unhealthy", unhealthy, "seconds unhealthy"),
         ],
     )
 }
@@ -266,28 +267,6 @@ fn loop_timing(flight: &Flight) -> LoopTiming {
         jitter_us_max: periods.iter().map(|us| (us - period.mean).abs()).fold(0.0, f64::max),
         sample_to_step_us: delays.into_iter().collect(),
     }
-}
-
-fn health(flight: &Flight) -> Health {
-    let mut health = Health::default();
-    let mut first = None;
-    let mut starting = true;
-    for event in &flight.events {
-        match event {
-            Event::State(code) => {
-                starting = matches!(state_of(*code), Some(StateKind::Boot | StateKind::SelfTest));
-            }
-            Event::Status(status) => {
-                let first = first.get_or_insert(status);
-                health.load_max = health.load_max.max(f64::from(status.load) * 1e-3);
-                health.bus_errors = status.errors_count3.wrapping_sub(first.errors_count3);
-                health.dropped = status.errors_count1.wrapping_sub(first.errors_count1);
-                health.unhealthy += usize::from(!sick(status).is_empty() && !starting);
-            }
-            _ => {}
-        }
-    }
-    health
 }
 
 fn last_parameters(flight: &Flight) -> BTreeMap<String, f32> {

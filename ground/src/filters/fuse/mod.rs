@@ -4,7 +4,7 @@ mod figures;
 mod options;
 mod place;
 
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -43,22 +43,22 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
     for (file, place) in options.files.iter().zip(places) {
         let source = Source::open(file).map_err(BadInput::new)?;
         let unfit = |why: ChoiceError| BadInput::new(format!("{}: {why}", source.name()));
-        let estimator = if options.offline {
+        let live = match options.offline {
             // What is wrong with the choice shows without a sample.
-            smooth(&choice, source.facts(), &[]).map_err(unfit)?;
-            Estimator::Offline(&choice)
-        } else {
-            Estimator::Live(Estimate::new(&choice, source.facts()).map_err(unfit)?)
+            true => smooth(&choice, source.facts(), &[]).map(|_| None),
+            false => Estimate::new(&choice, source.facts()).map(Some),
         };
+        let live = live.map_err(unfit)?;
         bytes += source.bytes();
-        jobs.push((source, estimator, place));
+        jobs.push((source, live, place));
     }
 
     let mut progress = Progress::new(bytes);
     let (mut recordings, mut written) = (Vec::new(), Vec::new());
-    for (mut source, estimator, place) in jobs {
+    for (mut source, live, place) in jobs {
         let out = place.as_deref().map(WholeFile::create).transpose()?;
-        let outcome = estimator.run(&mut source, Outcome::new(out)?, &mut progress)?;
+        let mut outcome = Outcome::new(out)?;
+        outcome.run(&mut source, live, &choice, &mut progress)?;
         progress.part_done(source.bytes());
         recordings.push(outcome.at(source.name(), place.as_deref()));
         written.extend(outcome.out);
@@ -79,51 +79,6 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// What turns samples into estimates.
-enum Estimator<'a> {
-    /// Sample by sample.
-    Live(Estimate),
-    /// All of them at once.
-    Offline(&'a Choice),
-}
-
-impl Estimator<'_> {
-    fn run(
-        self,
-        source: &mut Source,
-        mut outcome: Outcome,
-        progress: &mut Progress,
-    ) -> Result<Outcome> {
-        let mut read = 0u64;
-        let mut next = |source: &mut Source| {
-            read += 1;
-            if read.is_multiple_of(STRIDE) {
-                progress.at(source.name(), source.bytes_read());
-            }
-            source.next_sample().map_err(BadInput::new)
-        };
-        match self {
-            Self::Live(mut estimate) => {
-                while let Some(sample) = next(source)? {
-                    outcome.add(&sample, estimate.update(&sample))?;
-                }
-            }
-            Self::Offline(choice) => {
-                let mut samples = Vec::new();
-                while let Some(sample) = next(source)? {
-                    samples.push(sample);
-                }
-                let estimates = smooth(choice, source.facts(), &samples)
-                    .map_err(|why| BadInput::new(format!("{}: {why}", source.name())))?;
-                for (sample, ned) in samples.iter().zip(estimates) {
-                    outcome.add(sample, ned)?;
-                }
-            }
-        }
-        Ok(outcome)
-    }
-}
-
 /// What was counted, scored and written of a recording.
 struct Outcome {
     samples: u64,
@@ -141,9 +96,40 @@ impl Outcome {
         Ok(Self { samples: 0, magnetometer_samples: 0, scorer: Scorer::default(), out })
     }
 
+    /// Estimates at every sample of `source`: at once by the filter that is `live`, or else by that
+    /// of `choice` when all samples are known.
+    fn run(
+        &mut self,
+        source: &mut Source,
+        mut live: Option<Estimate>,
+        choice: &Choice,
+        progress: &mut Progress,
+    ) -> Result<()> {
+        let (mut read, mut samples) = (0u64, Vec::new());
+        while let Some(sample) = source.next_sample().map_err(BadInput::new)? {
+            read += 1;
+            if read.is_multiple_of(STRIDE) {
+                progress.at(source.name(), source.bytes_read());
+            }
+            match &mut live {
+                Some(estimate) => self.add(&sample, estimate.update(&sample))?,
+                None => samples.push(sample),
+            }
+        }
+        if live.is_none() {
+            let estimates = smooth(choice, source.facts(), &samples)
+                .map_err(|why| BadInput::new(format!("{}: {why}", source.name())))?;
+            for (sample, ned) in samples.iter().zip(estimates) {
+                self.add(sample, ned)?;
+            }
+        }
+        Ok(())
+    }
+
     fn add(&mut self, sample: &RecordedSample, ned: [f64; 4]) -> Result<()> {
         if let Some(out) = &mut self.out {
-            line(out, sample.time_s, enu_from_ned(ned)).context(WRITING)?;
+            let (time_s, [w, x, y, z]) = (sample.time_s, enu_from_ned(ned));
+            writeln!(out, "{time_s},{w:.9},{x:.9},{y:.9},{z:.9}").context(WRITING)?;
         }
         if let Some(reference) = sample.reference
             && sample.movement
@@ -164,8 +150,4 @@ impl Outcome {
             score: self.scorer.score(),
         }
     }
-}
-
-fn line(out: &mut impl Write, time_s: f64, [w, x, y, z]: [f64; 4]) -> io::Result<()> {
-    writeln!(out, "{time_s},{w:.9},{x:.9},{y:.9},{z:.9}")
 }

@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use flights::log::has_extension;
 use report::exit::BadInput;
 use report::kind::is_one_file;
 
@@ -16,7 +17,7 @@ pub fn places(files: &[PathBuf], out: Option<&Path>) -> Result<Vec<Option<PathBu
     let Some(out) = out else {
         return Ok(vec![None; files.len()]);
     };
-    if files.len() > 1 && (is_csv(out) || out.is_file()) {
+    if files.len() > 1 && (has_extension(out, "csv") || out.is_file()) {
         return Err(BadInput::new(format!(
             "--out {} is one file for {} recordings; name a folder",
             out.display(),
@@ -50,10 +51,6 @@ pub fn places(files: &[PathBuf], out: Option<&Path>) -> Result<Vec<Option<PathBu
         places.push(Some(place));
     }
     Ok(places)
-}
-
-fn is_csv(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ use rig::prepare;
 use serde::Serialize;
 use tvc_nano::Axis;
 
+use super::figures::cycles;
 use super::flights::{FLIGHT_S, START_RATE_RAD_S, STARTS_RAD};
 use super::{Flying, since, told};
 use crate::flight::vehicle::VehicleKind;
@@ -81,12 +82,6 @@ struct Boot {
     seed: u64,
     heading_deg: f64,
     starts: Vec<Start>,
-}
-
-impl Boot {
-    fn new(setup: Setup, seed: u64, heading_deg: f64, starts: Vec<Start>) -> Self {
-        Self { setup, seed, heading_deg, starts }
-    }
 }
 
 /// One flight: lists name pitch first, then roll.
@@ -154,6 +149,11 @@ impl Run {
         })
     }
 
+    /// Whether these axes were tilted so far.
+    fn is_from(&self, size_rad: f64, axes: &str) -> bool {
+        self.start.size_rad == size_rad && self.start.axes == axes
+    }
+
     /// Those of two figures whose axes were tilted.
     fn tilted(&self, figures: [Option<f64>; 2]) -> impl Iterator<Item = Option<f64>> {
         let axes = self.start_rad.into_iter().zip(figures);
@@ -218,7 +218,7 @@ impl Flying<'_> {
                 Start { tilt_rad: [start.tilt_rad[0], 0.0], ..start }
             };
             let starts = sizes.iter().map(start).collect();
-            Boot::new(self.setup(seed), seed, 0.0, starts)
+            Boot { setup: self.setup(seed), seed, heading_deg: 0.0, starts }
         });
         let runs = self.fly_drones("seeds", &boots.collect::<Vec<_>>())?;
         let servo = self.options.servo;
@@ -256,28 +256,26 @@ impl Flying<'_> {
     /// Flies the drone with two rudders with each of `count` seeds; the figures and the page.
     pub(super) fn two_axes(&self, count: u32) -> Result<(Figures, String)> {
         let sizes = self.sizes(JOINT_STARTS_RAD);
-        let start = |side: f64, size_rad: f64, direction: usize| {
-            SPINS_RAD_S.map(|spin_rad_s| Start::new(direction, size_rad, side, spin_rad_s))
-        };
         let places = sizes.iter().flat_map(|size| [0, 1, 2].map(|axes| (*size, axes)));
         let places: Vec<(f64, usize)> = places.collect();
         let boots = self.seeded(count).flat_map(|(seed, side)| {
             HEADINGS_DEG.map(|heading_deg| {
-                let starts = places.iter().flat_map(|(size, axes)| start(side, *size, *axes));
+                let starts = places.iter().flat_map(|(size_rad, axes)| {
+                    SPINS_RAD_S.map(|spin_rad_s| Start::new(*axes, *size_rad, side, spin_rad_s))
+                });
                 let starts = starts.collect();
                 let mut setup = self.setup(seed);
                 setup.rig.bench.heading_rad = heading_deg.to_radians();
-                Boot::new(setup, seed, heading_deg, starts)
+                Boot { setup, seed, heading_deg, starts }
             })
         });
         let runs = self.fly_drones("headings", &boots.collect::<Vec<_>>())?;
         let rows_of =
             places.iter().map(|(size, axes)| self.joint_row(*size, DIRECTIONS[*axes].1, &runs));
-        let table = rows("starts", rows_of);
         let figures = self.named().into_iter().chain([
             figure("seeds", count),
             self.cycles(sizes[0])?,
-            table,
+            rows("starts", rows_of),
             data("runs", &runs),
         ]);
         let (servo, flights) = (self.options.servo.name(), runs.len());
@@ -292,8 +290,7 @@ impl Flying<'_> {
 
     /// The row of a tilt of some axes.
     fn joint_row(&self, size: f64, axes: &str, runs: &[Run]) -> [Figure; 6] {
-        let is_one = |run: &&Run| run.start.size_rad == size && run.start.axes == axes;
-        let of: Vec<&Run> = runs.iter().filter(is_one).collect();
+        let of: Vec<&Run> = runs.iter().filter(|run| run.is_from(size, axes)).collect();
         // A run that has left control has neither settled nor a bounded overshoot.
         let held = |run: &Run, figures: [Option<f64>; 2]| {
             figures.map(|figure| figure.filter(|_| run.stayed_active))
@@ -331,12 +328,9 @@ impl Flying<'_> {
         let ready = prepare(self.image, &setup, &mut |_| ())?;
         let record = ready.fly_from(&release, 1.0, &mut |_| ())?;
         let spread = record.timing.cycles_per_step;
-        let cycles = |key, cycles: f64, which| {
-            let label = format!("cycles a step, 0 wait states, {which}");
-            figure(key, cycles).shown(label, "", 0)
-        };
-        let mean = cycles("cycles_per_step_mean", spread.mean, "mean");
-        Ok(figure("loop", [mean, cycles("cycles_per_step_max", spread.max, "worst")]))
+        let mean = cycles(figure("cycles_per_step_mean", spread.mean), "0 wait states, mean");
+        let worst = cycles(figure("cycles_per_step_max", spread.max), "0 wait states, worst");
+        Ok(figure("loop", [mean, worst]))
     }
 
     /// Flies `count` vehicles that are not as their parameters say, one flight each; the figures
@@ -363,7 +357,7 @@ impl Flying<'_> {
             setup.rig.bench.servo = drawn.servo;
             setup.rig.bench.heading_rad = f64::to_radians(heading_deg);
             let starts = vec![Start::new(direction, size_rad, side, spin_rad_s)];
-            Boot::new(setup, index, heading_deg, starts)
+            Boot { setup, seed: index, heading_deg, starts }
         });
         let runs = self.fly_drones("vehicles", &boots.collect::<Vec<_>>())?;
         let all: Vec<&Run> = runs.iter().collect();
@@ -413,15 +407,11 @@ fn plots(sizes: &[f64], directions: usize, runs: &[Run]) -> Result<Vec<Markup>> 
     for size_rad in sizes {
         parts.push(html! { h2 { "From " (size_rad) " rad" } });
         for (_, axes) in &DIRECTIONS[..directions] {
-            let of = || {
-                let all = runs.iter();
-                all.filter(|run| run.start.size_rad == *size_rad && run.start.axes == *axes)
-            };
+            let of = runs.iter().filter(|run| run.is_from(*size_rad, axes));
             let line = |axis: usize, name: &'static str| {
-                of().enumerate().map(move |(index, run)| {
-                    let Run { path, start, .. } = run;
-                    let side = start.tilt_rad.iter().sum::<f64>().signum();
-                    let path = path.iter().map(|(at_s, tilt)| (*at_s, side * tilt[axis]));
+                of.clone().enumerate().map(move |(index, run)| {
+                    let side = run.start.tilt_rad.iter().sum::<f64>().signum();
+                    let path = run.path.iter().map(|(at_s, tilt)| (*at_s, side * tilt[axis]));
                     Line::new(if index == 0 { name } else { "" }, axis, path.collect())
                 })
             };

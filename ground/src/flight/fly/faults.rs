@@ -45,12 +45,15 @@ struct File {
     temperature: Option<Temperature>,
 }
 
-/// Reads the file for flights of `length_s`. How hard a fault strikes is drawn from `seed` where
-/// the file leaves it open.
+/// Reads the file, if there is one, for flights of `length_s`. How hard a fault strikes is drawn
+/// from `seed` where the file leaves it open.
 ///
 /// # Errors
 /// The file cannot be read, is not of this form, or has a value out of its range.
-pub fn read(path: &Path, seed: u64, length_s: f64) -> Result<Scenario, BadInput> {
+pub fn read(path: Option<&Path>, seed: u64, length_s: f64) -> Result<Scenario, BadInput> {
+    let Some(path) = path else {
+        return Ok(Scenario::default());
+    };
     let refuse = |why: String| BadInput::new(format!("{}: {why}", path.display()));
     let text = input::text(path).map_err(|error| refuse(error.to_string()))?;
     parse(&text, seed, length_s).map_err(refuse)

@@ -39,7 +39,7 @@ pub struct Measured {
 }
 
 /// Simulated and real time of everything that was run.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Emulation {
     /// Time simulated, s.
     pub simulated_s: f64,
@@ -119,26 +119,10 @@ impl Measured {
                 figure("jitter_us_max", self.timing.jitter_us_max)
                     .shown("jitter, worst", "us", 1)
                     .limit(requirements::JITTER_US),
-                figure("cycles_per_step_mean", zero.mean).shown(
-                    "cycles a step, 0 wait states, mean",
-                    "",
-                    0,
-                ),
-                figure("cycles_per_step_max", zero.max as u64).shown(
-                    "cycles a step, 0 wait states, worst",
-                    "",
-                    0,
-                ),
-                figure("cycles_per_step_mean_1ws", one.mean).shown(
-                    "cycles a step, 1 wait state, mean",
-                    "",
-                    0,
-                ),
-                figure("cycles_per_step_max_1ws", one.max as u64).shown(
-                    "cycles a step, 1 wait state, worst",
-                    "",
-                    0,
-                ),
+                cycles(figure("cycles_per_step_mean", zero.mean), "0 wait states, mean"),
+                cycles(figure("cycles_per_step_max", zero.max as u64), "0 wait states, worst"),
+                cycles(figure("cycles_per_step_mean_1ws", one.mean), "1 wait state, mean"),
+                cycles(figure("cycles_per_step_max_1ws", one.max as u64), "1 wait state, worst"),
                 figure("cpu_load", self.cpu_load)
                     .shown("core awake, 1 wait state", "%", 1)
                     .scaled(100.0),
@@ -147,7 +131,18 @@ impl Measured {
     }
 }
 
+/// Shows cycles of a step.
+pub fn cycles(figure: Figure, which: &str) -> Figure {
+    figure.shown(format!("cycles a step, {which}"), "", 0)
+}
+
 impl Emulation {
+    /// Counts what was run.
+    pub fn add(&mut self, simulated_s: f64, busy_s: f64) {
+        self.simulated_s += simulated_s;
+        self.busy_s += busy_s;
+    }
+
     fn figures(&self) -> Figure {
         let seconds = |key, s: f64, label| figure(key, s).shown(label, "s", 1);
         let factor = |key, s: f64, label| figure(key, s / self.wall_s).shown(label, "", 2);

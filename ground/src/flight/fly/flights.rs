@@ -1,16 +1,18 @@
 //! Flights from one or several tilts: boot once, fork for each start.
 
+use std::time::Instant;
+
 use anyhow::{Context, Result};
 use client::{LinkCounts, StateKind};
 use rig::bench::FaultEntry;
 use rig::flight::{FlightRecord, Ready, Setup};
 use rig::measure::{LoopTiming, Spread};
-use rig::prepare;
+use rig::{Ticks, prepare};
 use tvc_nano::Axis;
 
-use super::figures::Measured;
+use super::figures::{Emulation, Measured};
 use super::live::Live;
-use super::{Flying, Stopwatch, report};
+use super::{Flying, report};
 use ::report::file::WholeFile;
 use ::report::measure::Figures;
 use flights::figures::Run;
@@ -30,11 +32,13 @@ impl Flying<'_> {
         let Self { image, options, .. } = self;
         let starts = options.start.map_or(STARTS_RAD.to_vec(), |start| vec![start]);
         let (servo, seed) = (options.servo, options.seed);
-        let mut watch = Stopwatch::start();
+        let begun = Instant::now();
+        let mut emulation = Emulation::default();
         let mut boot = |what: String, setup: &Setup| -> Result<Ready> {
             let live = Live::begin(what);
             let ready = prepare(image, setup, &mut |progress| live.flight(progress))?;
-            watch.boot(&ready.rig);
+            let awake = ready.rig.now().saturating_sub(Ticks(ready.rig.counters().sleep_ticks));
+            emulation.add(ready.rig.now().as_secs_f64(), awake.as_secs_f64());
             live.end();
             Ok(ready)
         };
@@ -48,7 +52,7 @@ impl Flying<'_> {
             let record = ready.fly(start, rate, seconds, &mut |progress| live.flight(progress));
             let record = record.with_context(|| format!("flying from {start} rad"))?;
             live.end();
-            watch.add(record.simulated_s, record.busy_s);
+            emulation.add(record.simulated_s, record.busy_s);
             Ok(record)
         };
         let records = starts.iter().map(|start| fly(&ready, *start, FLIGHT_S));
@@ -71,7 +75,7 @@ impl Flying<'_> {
             runs: records.iter().map(run).collect::<Result<_>>()?,
             faults,
             disturbances: self.setup.rig.bench.disturbances.report(),
-            emulation: watch.stop(),
+            emulation: Emulation { wall_s: begun.elapsed().as_secs_f64(), ..emulation },
             replay: None,
         };
         let title = format!("Flight on the virtual rig: servo {}, seed {seed}", servo.name());

@@ -12,20 +12,18 @@ mod report;
 mod rocket;
 
 use std::num::NonZeroU32;
-use std::time::Instant;
 
-use anyhow::{Result, anyhow};
+use anyhow::{Result, bail};
 use maud::{Markup, html};
 use rig::Image;
 use rig::flight::{FlightRecord, Setup};
 use samd21::board::Ticks;
 
-use crate::flight::vehicle::VehicleKind;
+use crate::flight::vehicle::{VehicleKind, store};
 use ::report::exit::{BadInput, Verdict};
 use ::report::measure::Figures;
 use ::report::page::{page, verdicts};
 use design::control_law;
-use figures::Emulation;
 pub use options::{Fly, start_angle};
 
 /// Flies as `options` say, prints the figures and writes the report.
@@ -33,16 +31,12 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     use VehicleKind::{Drone, Drone2, Rocket};
     // An unreadable recording is reported before minutes of building.
     let recording = options.recording.as_deref().map(recording::open).transpose()?;
-    let scenario = options.faults.as_deref();
-    let scenario = scenario
-        .map(|path| faults::read(path, options.seed, flights::FLIGHT_S))
-        .transpose()?
-        .unwrap_or_default();
+    let scenario = faults::read(options.faults.as_deref(), options.seed, flights::FLIGHT_S)?;
     if options.vehicle == Rocket {
         rocket::check(options)?;
     }
     if options.vcd.is_some() && options.vehicle != Drone {
-        return Err(BadInput::new("--vcd is for --vehicle drone").into());
+        bail!(BadInput::new("--vcd is for --vehicle drone"));
     }
     let mut setup = setup(options)?;
     let image = options.image.image()?;
@@ -79,8 +73,7 @@ fn setup(options: &Fly) -> Result<Setup> {
     }
     if let Some(filter) = options.filter {
         let stored = setup.rig.stored.get_or_insert_default();
-        let set = stored.set("FUSE_FILTER", filter.value());
-        set.map_err(|error| anyhow!("{error}"))?;
+        store(stored, &[("FUSE_FILTER".to_owned(), filter.value())])?;
     }
     options.vehicle.hang(&mut setup.rig)?;
     let physics = control_law::setup(options.servo, options.drone.as_deref())?;
@@ -144,35 +137,4 @@ fn told(
 /// Time since the release, s.
 fn since(record: &FlightRecord, at: Ticks) -> f64 {
     at.saturating_sub(record.released).as_secs_f64()
-}
-
-/// Counts real and simulated time of everything that is run.
-struct Stopwatch {
-    begun: Instant,
-    simulated_s: f64,
-    busy_s: f64,
-}
-
-impl Stopwatch {
-    fn start() -> Self {
-        Self { begun: Instant::now(), simulated_s: 0.0, busy_s: 0.0 }
-    }
-
-    fn add(&mut self, simulated_s: f64, busy_s: f64) {
-        self.simulated_s += simulated_s;
-        self.busy_s += busy_s;
-    }
-
-    /// Counts all that `rig` has run since power-on.
-    fn boot(&mut self, rig: &rig::Rig) {
-        let asleep = Ticks(rig.counters().sleep_ticks);
-        let busy = rig.now().saturating_sub(asleep);
-        self.add(rig.now().as_secs_f64(), busy.as_secs_f64());
-    }
-
-    /// Ends the count.
-    fn stop(&self) -> Emulation {
-        let wall_s = self.begun.elapsed().as_secs_f64();
-        Emulation { simulated_s: self.simulated_s, busy_s: self.busy_s, wall_s }
-    }
 }

@@ -141,16 +141,12 @@ fn gains(text: &str) -> Result<Gains, String> {
     let parsed = text
         .split_once(',')
         .and_then(|(kp, kd)| Some((kp.trim().parse().ok()?, kd.trim().parse().ok()?)));
-    match parsed {
-        Some((kp, kd)) => {
-            // The firmware's own parameter table has the ranges.
-            let mut params = Params::default();
-            let set = params.set("PID_KP", kp).and_then(|_| params.set("PID_KD", kd));
-            set.map_err(|error| error.to_string())?;
-            Ok(Gains { kp, kd })
-        }
-        None => Err("gains are two numbers, such as 1.0,0.3".into()),
-    }
+    let (kp, kd) = parsed.ok_or("gains are two numbers, such as 1.0,0.3")?;
+    // The firmware's own parameter table has the ranges.
+    let mut params = Params::default();
+    let set = params.set("PID_KP", kp).and_then(|_| params.set("PID_KD", kd));
+    set.map_err(|error| error.to_string())?;
+    Ok(Gains { kp, kd })
 }
 
 #[cfg(test)]

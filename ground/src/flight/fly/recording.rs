@@ -3,15 +3,16 @@
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::{Context, Result};
 use client::LinkCounts;
 use recordings::Recording;
 use rig::replay::{ReplayRecord, replay};
 
-use super::figures::Measured;
+use super::figures::{Emulation, Measured};
 use super::live::Live;
-use super::{Flying, Stopwatch, report};
+use super::{Flying, report};
 use ::report::exit::BadInput;
 use ::report::measure::{Figure, Figures, Limit::Within, figure};
 use flights::requirements;
@@ -31,7 +32,8 @@ pub fn open(path: &Path) -> Result<Arc<Recording>> {
 impl Flying<'_> {
     /// Plays all of `recording` at the chip's own wait state, and its beginning without.
     pub(super) fn play(&self, recording: &Arc<Recording>) -> Result<(Figures, String)> {
-        let mut watch = Stopwatch::start();
+        let begun = Instant::now();
+        let mut emulation = Emulation::default();
         let length = recording.duration_s();
         let name = recording.name();
         let mut pass = |what: String, wait_states: u8, seconds: f64| -> Result<ReplayRecord> {
@@ -42,7 +44,7 @@ impl Flying<'_> {
             })
             .with_context(|| format!("playing {name}"))?;
             live.end();
-            watch.add(record.simulated_s, record.busy_s);
+            emulation.add(record.simulated_s, record.busy_s);
             Ok(record)
         };
         let record = pass(format!("playing {name}"), 1, length)?;
@@ -57,7 +59,7 @@ impl Flying<'_> {
             runs: Vec::new(),
             faults: Vec::new(),
             disturbances: None,
-            emulation: watch.stop(),
+            emulation: Emulation { wall_s: begun.elapsed().as_secs_f64(), ..emulation },
             replay: Some(score(&record, name)?),
         };
         let figures = measured.figures(self.options.servo);

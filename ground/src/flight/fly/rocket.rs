@@ -1,7 +1,7 @@
 //! Flights of the rocket through its burn: stable and unstable, with scheduled and constant gains,
 //! and with the accelerometer left in the estimate, to show what that does.
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, bail};
 use maud::Markup;
 use rig::bench::{RocketConfig, SHAFT_PER_GIMBAL, VehicleConfig, ZERO_RUDDER_US};
 use rig::flight::FlightRecord;
@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use super::{Flying, since, told};
 use crate::flight::fly::Fly;
+use crate::flight::vehicle::store;
 use flights::requirements;
 use report::campaign::carry_out;
 use report::distribution::Distribution;
@@ -44,17 +45,20 @@ struct Case {
 }
 
 impl Case {
+    /// Without the accelerometer in the estimate.
+    fn new(airframe: Airframe, law: RocketLaw) -> Self {
+        Self { airframe, law, accelerometer: false }
+    }
+
     /// All that are flown.
     fn all() -> Vec<Self> {
-        let of = |airframe, law| Self { airframe, law, accelerometer: false };
-        let mut all = Vec::new();
-        for airframe in Airframe::ALL {
-            all.push(of(airframe, RocketLaw::Scheduled));
-            all.push(of(airframe, RocketLaw::Constant(airframe.constant_gains())));
-            all.push(of(airframe, RocketLaw::Cascade));
-        }
-        all.push(Self { accelerometer: true, ..of(Airframe::Stable, RocketLaw::Scheduled) });
-        all
+        let laws = |airframe: Airframe| {
+            let constant = RocketLaw::Constant(airframe.constant_gains());
+            [RocketLaw::Scheduled, constant, RocketLaw::Cascade].map(|law| Self::new(airframe, law))
+        };
+        let last =
+            Self { accelerometer: true, ..Self::new(Airframe::Stable, RocketLaw::Scheduled) };
+        Airframe::ALL.into_iter().flat_map(laws).chain([last]).collect()
     }
 
     fn control(&self) -> &'static str {
@@ -123,14 +127,13 @@ pub fn check(options: &Fly) -> Result<()> {
         ("--params", options.params.is_some()),
         ("--drone", options.drone.is_some()),
     ];
-    match given.into_iter().find(|(_, is_given)| *is_given) {
-        None => Ok(()),
-        Some((name, _)) => Err(BadInput::new(format!(
+    if let Some((name, _)) = given.into_iter().find(|(_, is_given)| *is_given) {
+        bail!(BadInput::new(format!(
             "{name} is the drone's, and --vehicle rocket has no use for it: its gains and gimbal are \
              those of `tvc tune --vehicle rocket`"
-        ))
-        .into()),
+        )));
     }
+    Ok(())
 }
 
 /// What the rocket meets on its way: figures that the page tells in words.
@@ -179,8 +182,7 @@ impl Flying<'_> {
             .seeded(count)
             .map(|(seed, _)| {
                 let (airframe, on_pad) = rocket::dispersed(seed);
-                let case = Case { airframe, law: RocketLaw::Scheduled, accelerometer: false };
-                Flight { seed, case, on_pad }
+                Flight { seed, case: Case::new(airframe, RocketLaw::Scheduled), on_pad }
             })
             .collect();
         let runs = self.fly_rockets("rockets", &flights)?;
@@ -212,11 +214,10 @@ impl Flying<'_> {
     pub(super) fn rockets(&self, count: u32) -> Result<(Figures, String)> {
         let cases = Case::all();
         let flights = self.seeded(count).flat_map(|(seed, _)| {
-            let flights = cases.iter().map(move |case| {
+            cases.iter().map(move |case| {
                 let on_pad = case.airframe.on_pad(seed);
                 Flight { seed, case: *case, on_pad }
-            });
-            flights.collect::<Vec<_>>()
+            })
         });
         let runs = self.fly_rockets("flights", &flights.collect::<Vec<_>>())?;
         let row = |case: &Case| {
@@ -263,10 +264,7 @@ impl Flying<'_> {
         if case.accelerometer {
             parameters.push(("FUSE_ACC".to_owned(), 1.0));
         }
-        for (name, value) in &parameters {
-            let set = stored.set(name, *value);
-            set.map_err(|error| anyhow!("{error}"))?;
-        }
+        store(stored, &parameters)?;
         let burn_s = on_pad.parameters.rocket.burn_s;
         let ready = prepare(self.image, &setup, &mut |_| ())?;
         let length_s = burn_s + COAST_S;
@@ -282,11 +280,11 @@ fn summary(case: Case, runs: &[&Run]) -> [Figure; 9] {
     let sd = over(|run| run.tilt_sd_deg.map(f64::from));
     let worst =
         |key, of, label, decimals| figure(key, over(of).worst).shown(label, "deg", decimals);
-    let all = |key, is_one: fn(&Run) -> bool, label, limit| {
-        figure(key, runs.iter().all(|run| is_one(run))).shown(label, "", 0).limit(limit)
-    };
     let held = |limit| case.is_held().then_some(limit);
-    let in_control = held(requirements::IN_CONTROL);
+    let all = |key, is_one: fn(&Run) -> bool, label| {
+        let all = figure(key, runs.iter().all(|run| is_one(run)));
+        all.shown(label, "", 0).limit(held(requirements::IN_CONTROL))
+    };
     [
         figure("case", case.name()).shown("airframe, control", "", 0),
         figure("error_rms_mean_deg", rms.mean).shown("error rms, mean", "deg", 2),
@@ -299,18 +297,8 @@ fn summary(case: Case, runs: &[&Run]) -> [Figure; 9] {
             .or("-"),
         worst("gimbal_max_deg", |run| Some(run.gimbal_max_deg), "gimbal", 2)
             .limit(held(requirements::GIMBAL_DEG)),
-        all(
-            "in_control",
-            |run| run.stayed_active && run.pulses_within_limits,
-            "in control, pulses within limits",
-            in_control,
-        ),
-        all(
-            "neutral_after_burnout",
-            |run| run.neutral_after_burnout,
-            "neutral after burnout",
-            in_control,
-        ),
+        all("in_control", |run| run.is_in_control(), "in control, pulses within limits"),
+        all("neutral_after_burnout", |run| run.neutral_after_burnout, "neutral after burnout"),
     ]
 }
 
@@ -318,9 +306,12 @@ impl Run {
     /// Whether it does what is required of a flight.
     fn is_within(&self) -> bool {
         self.error_rms_deg <= requirements::ASCENT_ERROR_MOST_DEG
-            && self.stayed_active
-            && self.pulses_within_limits
+            && self.is_in_control()
             && self.neutral_after_burnout
+    }
+
+    fn is_in_control(&self) -> bool {
+        self.stayed_active && self.pulses_within_limits
     }
 
     fn of(record: &FlightRecord, burn_s: f64, seed: u64, case: Case) -> Self {
@@ -342,9 +333,8 @@ impl Run {
         let from_s = launch_seen_s.unwrap_or(0.0) + LEFT_OUT_S;
         // Afterwards the accelerometer is believed again.
         let ended = |at: Ticks| end_seen_s.is_some_and(|end_s| seconds(at) >= end_s);
-        let told = record.received.tilt_sd_deg.iter();
-        let told = told.rev().find(|(at, _)| !ended(*at));
-        let sd_at_end = told.map(|(_, sd_deg)| *sd_deg);
+        let mut told = record.received.tilt_sd_deg.iter().rev();
+        let tilt_sd_deg = told.find(|(at, _)| !ended(*at)).map(|(_, sd_deg)| *sd_deg);
         let errors = path.iter().filter(|(at_s, _)| (from_s..burn_s).contains(at_s));
         let errors: Vec<f64> = errors.map(|(_, error)| *error).collect();
         let square: f64 = errors.iter().map(|error| error * error).sum();
@@ -366,7 +356,7 @@ impl Run {
                 let [w, x, y, z] = attitude.quaternion.map(f64::from);
                 2.0 * x.hypot(y).atan2(w.hypot(z)).to_degrees()
             }),
-            tilt_sd_deg: sd_at_end,
+            tilt_sd_deg,
             launch_seen_s,
             end_seen_s: end_seen_s.map(|at_s| at_s - burn_s),
             gimbal_max_deg: gimbal.fold(0.0, |most: f64, angle| most.max(angle.abs())).to_degrees(),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use client::request::text_of;
 use client::{Wire, text};
 use mavlink::dialects::common::MavMessage;
@@ -34,28 +34,33 @@ pub fn run(options: &Cut, json: bool) -> Result<Verdict> {
     let frames: Vec<(u64, &[u8])> = Frames::of(&bytes).filter(|frame| is_inside(frame.0)).collect();
     let Some((begin_us, _)) = frames.first() else {
         let length_s = log.length_s();
-        return Err(BadInput::new(format!(
+        bail!(BadInput::new(format!(
             "there is nothing from {from_s} s to {to_s} s: {} has {length_s:.1} s",
             options.log.display()
-        ))
-        .into());
+        )));
     };
-    let known = known(&bytes, *begin_us, &frames);
-    let mut writer = Writer::whole(&options.file, TOOL)?;
-    for frame in &known {
-        writer.write_at(*begin_us, frame)?;
-    }
-    for (time_us, frame) in &frames {
-        writer.write_at(*time_us, frame)?;
-    }
-    writer.end()?;
-    done(&options.file, frames.len(), json)
+    write(&options.file, &known(&bytes, *begin_us, &frames), &frames, json)
 }
 
-/// Says what was written.
-pub fn done(path: &Path, messages: usize, json: bool) -> Result<Verdict> {
-    let log = Log::read(path)?;
-    let seconds = log.length_s();
+/// Writes frames as a new log, at whose beginning stands what was known before, and says how many
+/// they are.
+///
+/// # Errors
+/// The log cannot be written.
+pub fn write(
+    path: &Path,
+    known: &[Vec<u8>],
+    frames: &[(u64, &[u8])],
+    json: bool,
+) -> Result<Verdict> {
+    let begin_us = frames.first().map_or(0, |frame| frame.0);
+    let known = known.iter().map(|frame| (begin_us, frame.as_slice()));
+    let mut writer = Writer::whole(path, TOOL)?;
+    for (time_us, frame) in known.chain(frames.iter().copied()) {
+        writer.write_at(time_us, frame)?;
+    }
+    writer.end()?;
+    let (messages, seconds) = (frames.len(), Log::read(path)?.length_s());
     if json {
         print_json(&json!({ "messages": messages, "seconds": seconds }))?;
     }
@@ -67,13 +72,14 @@ pub fn done(path: &Path, messages: usize, json: bool) -> Result<Verdict> {
 fn range(options: &Cut, log: &Log) -> Result<(f64, f64)> {
     let Some(number) = options.release else {
         return match (options.from, options.to) {
-            (None, None) => Err(BadInput::new("no part is named: give --from, --to or --release")),
+            (None, None) => {
+                bail!(BadInput::new("no part is named: give --from, --to or --release"))
+            }
             (Some(from_s), Some(to_s)) if from_s >= to_s => {
-                Err(BadInput::new("--from must be before --to"))
+                bail!(BadInput::new("--from must be before --to"))
             }
             (from_s, to_s) => Ok((from_s.unwrap_or(0.0), to_s.unwrap_or(log.length_s()))),
-        }
-        .map_err(Into::into);
+        };
     };
     let releases = releases(log);
     let release = number.checked_sub(1).and_then(|index| releases.get(index));
@@ -135,7 +141,7 @@ pub fn known(bytes: &[u8], begin_us: u64, part: &[(u64, &[u8])]) -> Vec<Vec<u8>>
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{flight, write};
+    use super::super::tests::{self, flight};
     use super::*;
 
     fn cut(log: &Path, file: &Path, from: Option<f64>, release: Option<usize>) -> Result<Log> {
@@ -154,7 +160,7 @@ mod tests {
     fn a_part_knows_what_was_known_and_nothing_counts_as_lost() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
-        write(&flight(), &path("a.tlog"));
+        tests::write(&flight(), &path("a.tlog"));
         for name in ["b.tlog", "b.mcap"] {
             let part = cut(&path("a.tlog"), &path(name), Some(3.5), None).unwrap();
             assert_eq!((part.counts.lost, part.counts.stray_bytes), (0, 0));
@@ -174,7 +180,7 @@ mod tests {
     fn what_is_not_in_the_log_is_refused_and_nothing_is_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
-        write(&flight(), &path("a.tlog"));
+        tests::write(&flight(), &path("a.tlog"));
         for (from, release, part) in [
             (Some(20.0), None, "has 9.0 s"),
             (None, Some(3), "has 2"),

@@ -4,14 +4,16 @@ pub mod cut;
 pub mod info;
 pub mod recover;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::{Args, Subcommand};
 
-use crate::logs::convert;
+use crate::cli::TOOL;
+use flights::log::{self, Content};
 use report::arguments::number;
 use report::exit::Verdict;
+use report::file::print_json;
 use report::kind;
 
 /// Options of `tvc log`.
@@ -131,17 +133,29 @@ pub fn run(options: &LogCommand) -> Result<Verdict> {
         Action::Info { log } => info::run(log, options.json),
         Action::Cut(cut) => cut::run(cut, options.json),
         Action::Recover { log, file } => recover::run(log, file, options.json),
-        Action::Convert { log, file } => convert::run(log, file, options.json),
+        Action::Convert { log, file } => convert(log, file, options.json),
     }
+}
+
+/// Writes the log in the form that the name of `file` says.
+fn convert(log: &Path, file: &Path, json: bool) -> Result<Verdict> {
+    let written = log::convert(log, file, TOOL)?;
+    if json {
+        print_json(&written)?;
+    }
+    let (count, what) = match written {
+        Content::Messages(count) => (count, "messages"),
+        Content::Steps(count) => (count, "control steps"),
+    };
+    eprintln!("wrote {}: {count} {what}", file.display());
+    Ok(Verdict::Met)
 }
 
 #[cfg(test)]
 pub mod tests {
     use super::*;
-    use crate::cli::TOOL;
     use flights::log::{Entry, Event, Log, Step, Writer};
     use mavlink::{MAVLinkV2MessageRaw, MavHeader};
-    use std::path::Path;
 
     /// A second between two steps: standby at 0 s, active from 3 to 6 s and again from 8 s on.
     pub fn flight() -> Log {

@@ -2,12 +2,11 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use client::Wire;
 
-use super::cut::done;
-use crate::cli::TOOL;
-use flights::log::{self, Frames, Writer};
+use super::cut;
+use flights::log::{self, Frames};
 use report::exit::{BadInput, Verdict};
 use report::input;
 
@@ -24,18 +23,12 @@ pub fn run(path: &Path, file: &Path, json: bool) -> Result<Verdict> {
     let found = log::salvaged(&bytes);
     let frames = frames(&found);
     if !frames.iter().any(|frame| log::is_from_vehicle(frame.1)) {
-        return Err(BadInput::new(format!(
+        bail!(BadInput::new(format!(
             "nothing of {} can be read as messages of a vehicle",
             path.display()
-        ))
-        .into());
+        )));
     }
-    let mut writer = Writer::whole(file, TOOL)?;
-    for (time_us, frame) in &frames {
-        writer.write_at(*time_us, frame)?;
-    }
-    writer.end()?;
-    done(file, frames.len(), json)
+    cut::write(file, &[], &frames, json)
 }
 
 /// The whole frames among what was found, with times that may be right.

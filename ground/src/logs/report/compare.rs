@@ -7,7 +7,7 @@ use maud::html;
 
 use super::figures;
 use flights::figures::{response, servo};
-use flights::log::{Flight, Release, Step};
+use flights::log::{Flight, Step};
 use report::exit::Verdict;
 use report::file::{hand_over, print, print_json};
 use report::measure::{Figure, Figures, data, figure, judged, rows};
@@ -90,12 +90,9 @@ fn overlaid(flights: &[(String, Flight)]) -> Result<maud::Markup> {
         })
         .collect();
     let plot = |label, of: &dyn Fn(&Step) -> f64| {
-        let line = |(colour, (name, release)): (usize, &(String, Release))| {
-            (name.clone(), colour, release.trace(of))
-        };
-        let lines: Vec<_> = releases.iter().enumerate().map(line).collect();
+        let numbered = releases.iter().enumerate();
         let lines =
-            lines.iter().map(|(name, colour, trace)| Line::new(name, *colour, trace.clone()));
+            numbered.map(|(colour, (name, release))| Line::new(name, colour, release.trace(of)));
         Plot::new("time since release, s", label, lines.collect()).svg()
     };
     Ok(html! {

@@ -84,13 +84,10 @@ fn settling(flight: &Flight) -> Vec<(f64, f64)> {
             Event::Status(status) => is_unsettled(status),
             _ => continue,
         };
-        match since {
-            None if is_settling => since = Some(now_s),
-            Some(from) if !is_settling => {
-                stretches.push((from, now_s));
-                since = None;
-            }
-            _ => {}
+        if is_settling {
+            since.get_or_insert(now_s);
+        } else {
+            stretches.extend(since.take().map(|from| (from, now_s)));
         }
     }
     stretches.extend(since.map(|from| (from, now_s)));
@@ -103,14 +100,11 @@ fn whole(flight: &Flight, servo: &ServoMap) -> Result<Markup> {
         flight.steps().map(|step| (step.time_s() - begin, of(step))).collect()
     };
     let commanded = line(&|step| servo.angle_rad(step.pulses_us[0]).to_degrees());
-    let plot = Plot::new(
-        "time, s",
-        "angle, deg",
-        vec![
-            Line::new("pitch", 0, line(&|step| step.pitch_rad().to_degrees())),
-            Line::new("servo commanded", 4, commanded),
-        ],
-    );
+    let lines = vec![
+        Line::new("pitch", 0, line(&|step| step.pitch_rad().to_degrees())),
+        Line::new("servo commanded", 4, commanded),
+    ];
+    let plot = Plot::new("time, s", "angle, deg", lines);
     let stretches = settling(flight);
     let caption = match stretches.is_empty() {
         true => "Pitch and the servo angle commanded.",
@@ -135,34 +129,23 @@ fn one(release: &Release, axis: Axis) -> Result<Markup> {
     let band = settling_band_deg(motion[0].1 - set_rad[0]);
     let rests = set_rad.iter().all(|set| *set == set_rad[0]);
     let since = "time since release, s";
-    let (name, label, caption, command_caption) = match axis {
-        Axis::Pitch => (
-            "pitch",
-            "pitch, deg",
-            "Pitch, with the 5 % band that a step has to settle in.",
-            "The servo angle commanded.",
-        ),
-        Axis::Roll => (
-            "roll",
-            "roll, deg",
-            "Roll, with the 5 % band that a step has to settle in.",
-            "The angle commanded of the second servo.",
-        ),
+    let (name, title, command_caption) = match axis {
+        Axis::Pitch => ("pitch", "Pitch", "The servo angle commanded."),
+        Axis::Roll => ("roll", "Roll", "The angle commanded of the second servo."),
     };
+    let label = format!("{name}, deg");
+    let caption = format!("{title}, with the 5 % band that a step has to settle in.");
     let lines = vec![
         Line::new(name, 0, motion.iter().copied().map(degrees).collect()),
         Line::new("set point", 1, set.collect()),
     ];
-    let angle = Plot::new(since, label, lines);
+    let angle = Plot::new(since, &label, lines);
     let angle = angle.with_band(rests.then_some((target - band, target + band)));
     let pulse = |step: &Step| servo.angle_rad(step.pulses_us[axis.index()]).to_degrees();
-    let command = Plot::new(
-        since,
-        "servo commanded, deg",
-        vec![Line::new("servo commanded", 4, release.trace(pulse))],
-    );
+    let command = vec![Line::new("servo commanded", 4, release.trace(pulse))];
+    let command = Plot::new(since, "servo commanded, deg", command);
     Ok(html! {
-        (figure(caption, angle.svg()?))
+        (figure(&caption, angle.svg()?))
         (figure(command_caption, command.svg()?))
     })
 }
