@@ -65,10 +65,8 @@ pub struct Found {
 impl Found {
     /// Correction of the gyroscope.
     pub fn gyr(&self) -> Correction {
-        Correction {
-            offset: self.rest.map_or(Vector3::zeros(), |rest| rest.bias),
-            matrix: Matrix3::identity(),
-        }
+        let offset = self.rest.map_or(Vector3::zeros(), |rest| rest.bias);
+        Correction { offset, ..Correction::NONE }
     }
 
     /// Correction of the accelerometer.

@@ -46,7 +46,7 @@ pub fn figures(
             |(axis, row): (usize, _)| shown(["  soft iron undone, x", "  y", "  z"][axis], row);
         let soft_iron_rows = soft_iron.row_iter().map(|row| words(&row.transpose(), 3));
         let (dip, off) = found.dip.map(|(dip, off)| (dip.to_degrees(), off.to_degrees())).unzip();
-        let dip_figure = figure("dip_deg", dip);
+        let dip_words = dip.zip(off).map(|(dip, off)| format!("{dip:.1}, to {off:.1}"));
         let mut figures = vec![
             vector("offset_ut", offset).said("hard iron, uT", words(&offset, 1)),
             data("matrix", &by_rows(&soft_iron)),
@@ -63,10 +63,7 @@ pub fn figures(
             ),
             figure("used", ellipsoid.used),
             figure("outliers", ellipsoid.outliers),
-            match dip.zip(off) {
-                Some((dip, off)) => dip_figure.said("  dip, deg", format!("{dip:.1}, to {off:.1}")),
-                None => dip_figure,
-            },
+            figure("dip_deg", dip).said("  dip, deg", dip_words.unwrap_or_default()),
             figure("dip_deviation_deg", off),
         ]);
         figures

@@ -26,7 +26,7 @@ mod tests {
 
     #[test]
     fn what_was_seen_is_filled_with_the_top_above() {
-        let up: Coverage = [Vector3::new(0.1, 0.1, 1.0); 4].iter().collect();
+        let up: Coverage = [Vector3::new(0.1, 0.1, 1.0); 4].into_iter().collect();
         let text = picture(&up);
         let rows: Vec<&str> = text.lines().collect();
         assert_eq!(rows.len(), 7);

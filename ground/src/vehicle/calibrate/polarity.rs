@@ -202,14 +202,11 @@ fn look(session: &mut Session, at: &Look) -> Result<Looked> {
 fn tilt(session: &mut Session, way: Tilt, words: &str, axis: Axis) -> Result<Seen> {
     session.ask(Prompt::Tilt(way), words)?;
     let begun_s = session.now_s();
-    let angle = |seen: Seen| match axis {
-        Axis::Pitch => seen.pitch_rad,
-        Axis::Roll => seen.roll_rad,
-    };
-    let (mut so, mut last) = (0, session.seen());
+    let angle = |seen: Seen| seen.tilts_rad[axis.index()];
+    let (mut so, mut last) = (0, session.seen);
     while so < LOOKS {
         session.look()?;
-        let seen = session.seen();
+        let seen = session.seen;
         let there = match way {
             Tilt::NoseUp | Tilt::RightDown => angle(seen) >= TILTED_RAD,
             Tilt::NoseDown | Tilt::LeftDown => angle(seen) <= -TILTED_RAD,
@@ -246,11 +243,11 @@ fn astray(way: Tilt, seen: Seen) -> String {
         Tilt::LeftDown => "left side down",
         Tilt::Upright => "upright",
     };
-    let (pitch, roll) = (seen.pitch_rad.to_degrees(), seen.roll_rad.to_degrees());
+    let [pitch, roll] = seen.tilts_rad.map(f64::to_degrees);
     let mut why = format!(
         "the vehicle was to be {asked} and says pitch {pitch:+.0} deg, roll {roll:+.0} deg"
     );
-    if seen.pitch_rad.abs().max(seen.roll_rad.abs()) >= TILTED_RAD {
+    if seen.tilts_rad.iter().any(|tilt| tilt.abs() >= TILTED_RAD) {
         why += ": if it was, the mount is wrong (`tvc calibrate --only level`, MNT_YAW_DEG)";
     }
     why
@@ -281,7 +278,7 @@ mod tests {
 
     #[test]
     fn a_tilt_the_other_way_is_said_to_be_one() {
-        let seen = Seen { pitch_rad: -0.35, ..Seen::default() };
+        let seen = Seen { tilts_rad: [-0.35, 0.0], ..Seen::default() };
         let why = astray(Tilt::NoseUp, seen);
         assert!(why.contains("pitch -20 deg") && why.contains("mount"), "{why}");
         assert!(!astray(Tilt::NoseUp, Seen::default()).contains("mount"));

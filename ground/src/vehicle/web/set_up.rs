@@ -9,13 +9,14 @@ use std::sync::atomic::AtomicBool;
 use ::report::measure::Figures;
 use anyhow::Result;
 use calibration::coverage::Coverage;
+use calibration::{STANDARD_GRAVITY, Wanted};
 
 use super::handle::Handle;
 use super::model::Model;
 use super::model::set_up::{Question, Step};
 use super::{logs, relay};
 use crate::vehicle::calibrate::keyboard::Typed;
-use crate::vehicle::calibrate::options::{Calibrate, Files, Servo};
+use crate::vehicle::calibrate::options::{Files, Servo};
 use crate::vehicle::calibrate::person::{self, Ending, Person};
 use crate::vehicle::calibrate::session::Session;
 use crate::vehicle::calibrate::{guided, hold, polarity, servo};
@@ -127,8 +128,8 @@ fn lead(
     Ok(match step {
         Step::Sensors => {
             let files = Files::beside(&logs::free(logs, "calibration")?);
-            let (_, ending, written) =
-                guided::calibrate(&mut session, &Calibrate::guided(), &files)?;
+            let wanted = Wanted { only: Vec::new(), gravity: STANDARD_GRAVITY, level_s: None };
+            let (_, ending, written) = guided::calibrate(&mut session, &wanted, None, &files)?;
             if let Err(why) = written {
                 session.say(&format!("{why:#}"));
             }
