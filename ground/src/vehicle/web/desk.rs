@@ -35,7 +35,7 @@ use serde::Deserialize;
 use super::auth::{Once, Token};
 use super::handle::{Condition, Handle, Recording};
 use super::model::set_up::Step;
-use super::model::{Model, State, Test};
+use super::model::{Model, ParameterRow, State, Test};
 use super::rig::{self, RigControl};
 use super::vehicle_thread::guard;
 use super::{manoeuvre, report, set_up};
@@ -253,20 +253,16 @@ impl Desk {
             Order::ReadFile { text } => return Ok(told(read_file(&text)?)),
             Order::Record => {
                 idle(&self.model.lock())?;
-                let path = self.vehicle.record(Recording::Flight);
-                return Ok(Box::pin(async { path.await.map(|_| None) }));
+                return Ok(once_done(self.vehicle.record(Recording::Flight)));
             }
-            Order::EndRecord => {
-                let ended = self.vehicle.end_recording();
-                return Ok(Box::pin(async { ended.await.map(|()| None) }));
-            }
+            Order::EndRecord => return Ok(once_done(self.vehicle.end_recording())),
             Order::Step { seconds } => return self.test(Manoeuvre::STEP.lasting(seconds)?),
             Order::Hold { seconds } => return self.test(Manoeuvre::HOLD.lasting(seconds)?),
             Order::Chirp { seconds } => return self.test(Manoeuvre::CHIRP.lasting(seconds)?),
             Order::Rig { action } => {
                 rig::admit(&action)?;
                 let rig = self.rig.clone();
-                return Ok(Box::pin(async move { rig.act(&action).await.map(|_| None) }));
+                return Ok(once_done(async move { rig.act(&action).await }));
             }
             Order::SetUp { step } => {
                 self.set_up(step)?;
@@ -285,8 +281,7 @@ impl Desk {
         if order == request::ARM || order == request::RELEASE {
             self.armed.store(true, Ordering::SeqCst);
         }
-        let answer = self.vehicle.order(order, condition);
-        Ok(Box::pin(async { answer.await.map(|()| None) }))
+        Ok(once_done(self.vehicle.order(order, condition)))
     }
 
     /// Until when an order of a page may be given that has heard of this time.
@@ -308,20 +303,23 @@ impl Desk {
     /// Sets a parameter that the vehicle has, to a value that it can have.
     fn set(&self, name: String, value: f32, condition: Condition) -> Result<Outcome> {
         let state = self.model.lock();
-        let Some(known) = state.parameters.iter().find(|row| row.is(&name)) else {
+        let Some(known) = state.parameters.iter().find(|known| known.row.name == name) else {
             bail!("the vehicle has no parameter of this name");
         };
         known.admit(value)?;
         drop(state);
         let set = Request::Set(Parameter { name, value });
-        let answer = self.vehicle.request(set, condition);
-        Ok(Box::pin(async { answer.await.map(|()| None) }))
+        Ok(once_done(self.vehicle.request(set, condition)))
     }
 
     /// The text of a parameter file, as `tvc param dump` writes it.
     fn parameter_file(&self) -> Result<String> {
         let state = self.model.lock();
-        let rows: Vec<_> = state.parameters.iter().map(|row| row.plain()).collect();
+        let row = |ParameterRow { row, .. }: &ParameterRow| Parameter {
+            name: row.name.clone(),
+            value: row.value,
+        };
+        let rows: Vec<_> = state.parameters.iter().map(row).collect();
         ensure!(!rows.is_empty(), "the vehicle's parameters are not known yet");
         Ok(param_file::text(&rows))
     }
@@ -404,6 +402,11 @@ fn read_file(text: &str) -> Result<String> {
         text += &format!("# {}\n", param_file::NO_POLARITY);
     }
     Ok(text)
+}
+
+/// What becomes of an order once the answer comes.
+fn once_done<T: 'static>(answer: impl Future<Output = Result<T>> + Send + 'static) -> Outcome {
+    Box::pin(async { answer.await.map(|_| None) })
 }
 
 /// An outcome that is there already.

@@ -26,7 +26,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Error, Result, anyhow};
+use anyhow::{Context, Error, Result, anyhow, bail};
 use clap::Args;
 use tokio::runtime;
 use tokio::time::sleep;
@@ -96,11 +96,10 @@ pub struct Web {
 /// No port, no folder for logs, an address that is taken, or a log that cannot be ended.
 pub fn run(options: &Web) -> Result<Verdict> {
     if !options.logs.is_dir() {
-        return Err(BadInput::new(format!(
+        bail!(BadInput::new(format!(
             "no folder {}: make it, or name another with --logs",
             options.logs.display()
-        ))
-        .into());
+        )));
     }
     let stop = signals::on_signal()?;
     let listener = listen(options.listen)?;

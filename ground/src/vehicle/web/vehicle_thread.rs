@@ -27,6 +27,7 @@ use super::model::{Model, VehicleStatus};
 use super::releases::Releases;
 use crate::vehicle::link::Link;
 use crate::vehicle::port::PortOptions;
+use crate::vehicle::watch::FS_HOST;
 use guard::HostWatch;
 use readiness::Readiness;
 use stored::Stored;
@@ -302,7 +303,7 @@ impl<'a> Session<'a> {
         let stores = [SAVE, RELOAD, RESET].map(Request::Order);
         if request == stores[0] && self.host.is_on() {
             // What is stored is not this program's.
-            self.request(HostWatch::set(0.0));
+            self.request(guard::set(FS_HOST, 0.0));
         }
         let stores = stores.contains(&request);
         let ticket = self.request(request);

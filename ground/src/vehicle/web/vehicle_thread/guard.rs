@@ -45,14 +45,10 @@ impl HostWatch {
     pub(super) fn before(&mut self, request: &Request) {
         self.chosen |= matches!(request, Request::Set(row) if row.name == FS_HOST);
     }
-
-    /// To set it.
-    pub(super) fn set(value: f32) -> Request {
-        set(FS_HOST, value)
-    }
 }
 
-fn set(name: &str, value: f32) -> Request {
+/// To set a parameter.
+pub(super) fn set(name: &str, value: f32) -> Request {
     let name = name.to_owned();
     Request::Set(Parameter { name, value })
 }
@@ -71,7 +67,7 @@ impl Session<'_> {
         if is_off && !is_busy && !self.host.chosen {
             self.host.on = true;
             self.host.due = now + RETRY;
-            self.host.asked = Some(self.request(HostWatch::set(1.0)));
+            self.host.asked = Some(self.request(set(FS_HOST, 1.0)));
         }
     }
 
@@ -112,16 +108,14 @@ impl Session<'_> {
                 Some(Err(failure)) => {
                     say(&fault_that_stays(&failure).unwrap_or_else(|| failure.to_string()));
                 }
-                None => {
-                    return say(CUT_POWER);
-                }
+                None => return say(CUT_POWER),
             }
         }
         if let Some(end) = self.end_of_polarity_check() {
             self.last(end);
         }
         if self.host.is_on() {
-            self.last(HostWatch::set(0.0));
+            self.last(set(FS_HOST, 0.0));
         }
     }
 
