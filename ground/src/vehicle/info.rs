@@ -154,7 +154,7 @@ fn figures(found: &Found, standing: Standing, next: &str) -> Figures {
         figure("problem", found.problem.as_deref()),
         data("standing", &standing),
         figure("next", next),
-        note(format!("{standing}: {next}")),
+        note(format!("{}: {next}", standing.words())),
     ]);
     Figures::from(figures)
 }

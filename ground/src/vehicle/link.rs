@@ -305,8 +305,7 @@ impl Vehicle {
         let whole = self.now() + RECORDING;
         loop {
             self.request(Request::Download, &mut |_| {})?;
-            let bytes = self.link.client.recording();
-            let bytes = bytes.to_vec();
+            let bytes = self.link.client.recording().to_vec();
             if !bytes.is_empty() || self.now() >= whole {
                 return Ok(bytes);
             }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use client::{Parameter, request};
 use serde::Serialize;
 use serde_json::json;
@@ -163,10 +163,9 @@ fn load(
     let unknown: Vec<_> = unknown.into_iter().map(|row| row.name).collect();
     let names = unknown.join(", ");
     if !unknown.is_empty() && !skip_unknown {
-        return Err(BadInput::new(format!(
+        bail!(BadInput::new(format!(
             "the vehicle has no parameter {names}; nothing was changed (--skip-unknown sets the others)"
-        ))
-        .into());
+        )));
     }
     if !unknown.is_empty() {
         eprintln!("the vehicle has no parameter {names}");
@@ -195,10 +194,9 @@ fn load(
 fn defaults(names: &[String]) -> Result<Vec<Parameter>> {
     let default = |name: &String| match Params::default().value(name) {
         Some(value) => Ok(Parameter { name: name.clone(), value }),
-        None => Err(BadInput::new(format!(
+        None => bail!(BadInput::new(format!(
             "this tool knows no parameter {name}; `tvc param list` shows them"
-        ))
-        .into()),
+        ))),
     };
     names.iter().map(default).collect()
 }

@@ -23,10 +23,9 @@ pub fn fetch(port: &PortOptions, file: &Path, json: bool) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(port)?;
     let bytes = vehicle.recording()?;
     if bytes.is_empty() {
-        return Err(BadInput::new(
+        bail!(BadInput::new(
             "the vehicle holds no release: it keeps one from a second after it until it is armed again or loses power",
-        )
-        .into());
+        ));
     }
     let flight = flight(&bytes, vehicle.parameters()?)?;
     write_flight(&flight, file, TOOL)?;

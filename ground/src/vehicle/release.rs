@@ -48,9 +48,7 @@ pub struct Release {
 /// Nobody to ask; no vehicle, one that is not armed, its refusal, or a failsafe.
 pub fn run(options: &Release) -> Result<Verdict> {
     if !options.yes && !is_attended() {
-        return Err(
-            BadInput::new("nobody can be asked here: --yes releases without a question").into()
-        );
+        bail!(BadInput::new("nobody can be asked here: --yes releases without a question"));
     }
     let stop = signals::on_signal()?;
     let mut vehicle = Watched::new(Vehicle::connect(&options.vehicle.port)?);

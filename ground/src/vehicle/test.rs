@@ -292,13 +292,6 @@ pub fn fly(
     })
 }
 
-/// Whether the vehicle may accept the same order a little later: not where the polarity check is
-/// missing.
-fn is_worth_waiting(refusal: &Error) -> bool {
-    let failure = refusal.downcast_ref::<Failure>();
-    failure.and_then(Failure::refusal) != Some(RefusalKind::Polarity)
-}
-
 /// Arms the vehicle as soon as it says that it may be armed, to which no word of refusal is told;
 /// `wait` is called meanwhile, with why it may not.
 ///
@@ -312,7 +305,9 @@ pub fn arm(vehicle: &mut Vehicle, wait: &mut dyn FnMut(&str)) -> Result<()> {
         };
         let kind = refusal.downcast_ref().and_then(Failure::refusal);
         // A refusal without a reason is of a firmware that does not know the question.
-        let Some(why) = kind.filter(|_| is_worth_waiting(&refusal) && vehicle.now() <= end) else {
+        // Where the polarity check is missing, waiting does not help.
+        let is_worth_waiting = |why: &RefusalKind| *why != RefusalKind::Polarity;
+        let Some(why) = kind.filter(is_worth_waiting).filter(|_| vehicle.now() <= end) else {
             break;
         };
         let (why, again) = (why.to_string(), vehicle.now() + ARM_RETRY);

@@ -113,7 +113,7 @@ impl Row {
     /// tool does not know has none.
     pub fn of(parameter: &Parameter, law: Option<f32>) -> Self {
         let index = Params::index_of(&parameter.name);
-        let info = index.and_then(|index| Params::default().by_index(index).map(|(info, _)| info));
+        let info = Params::info(&parameter.name);
         let description = index.and_then(|index| DESCRIPTIONS.get(index));
         let laws = laws_of(&parameter.name);
         let law = law.map(|law| law as u8);
