@@ -129,7 +129,7 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
     };
     let (mut correction, mut strength) =
         sphere(readings, sane).ok_or_else(|| refuse(EllipsoidError::NoEllipsoid))?;
-    let first = deviation(readings, &correction, strength, sane);
+    let first = correction.deviation(readings.iter().filter(|m| sane(m)), strength);
     let rough = (correction, strength);
     let near = |m: &Vector3<f64>| {
         (rough.0.apply(m).norm() - rough.1).abs() <= OUTLIER * first.max(f64::MIN_POSITIVE)
@@ -137,8 +137,8 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
     if let Some((finer, radius)) = sphere(readings, near) {
         (correction, strength) = (finer, radius);
     }
-    let residual = deviation(readings, &correction, strength, near);
     let used = readings.iter().filter(|m| near(m));
+    let residual = correction.deviation(used.clone(), strength);
     let coverage: Coverage = used.clone().map(|reading| correction.apply(reading)).collect();
     let used = used.count();
     if coverage.share() < LEAST_COVERAGE {
@@ -248,21 +248,6 @@ fn sphere(
     let radius = 1.0 / libm::cbrt(root.determinant());
     let correction = Correction { offset: middle + centre * size, matrix: root * radius };
     Some((correction, radius * size))
-}
-
-fn deviation(
-    readings: &[Vector3<f64>],
-    correction: &Correction,
-    strength: f64,
-    wanted: impl Fn(&Vector3<f64>) -> bool,
-) -> f64 {
-    let (mut squares, mut count) = (0.0, 0.0);
-    for reading in readings.iter().filter(|m| wanted(m)) {
-        let off = correction.apply(reading).norm() - strength;
-        squares += off * off;
-        count += 1.0;
-    }
-    libm::sqrt(squares / f64::max(count, 1.0))
 }
 
 #[cfg(test)]
