@@ -146,12 +146,11 @@ impl StatusTracker {
                     servo_rad: second.angle_rad(m.servo2_raw),
                 });
             }
-            MavMessage::NAMED_VALUE_FLOAT(m) if crate::text(&m.name) == "tilt_sd" => {
-                status.tilt_sd_deg = Some(m.value);
-            }
-            MavMessage::NAMED_VALUE_FLOAT(m) if crate::text(&m.name) == "head_sd" => {
-                status.heading_sd_deg = Some(m.value);
-            }
+            MavMessage::NAMED_VALUE_FLOAT(m) => match crate::text(&m.name) {
+                "tilt_sd" => status.tilt_sd_deg = Some(m.value),
+                "head_sd" => status.heading_sd_deg = Some(m.value),
+                _ => {}
+            },
             MavMessage::SYS_STATUS(m) => {
                 status.health.load = Some(f64::from(m.load) * 1e-3);
                 status.health.dropped = Some(m.errors_count1);

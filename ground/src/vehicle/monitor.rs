@@ -218,9 +218,8 @@ impl Screen {
         let old = self.texts.len().saturating_sub(TEXTS);
         self.texts.drain(..old);
         let [state, attitude, link] = lines(status);
-        let pitch = status.attitude_rad[1].to_degrees();
+        let [roll, pitch, _] = status.attitude_rad.map(f64::to_degrees);
         let servo = status.servo_rad.to_degrees();
-        let roll = status.attitude_rad[0].to_degrees();
         let second = status.second_servo.map_or(String::new(), |second| {
             let second = gauge(second.servo_rad.to_degrees());
             format!("  roll {}  second {second}", gauge(roll))

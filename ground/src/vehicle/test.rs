@@ -184,10 +184,7 @@ impl Stage<'_> {
 pub fn run(options: &Test) -> Result<Verdict> {
     let stop = signals::on_signal()?;
     let folder = tempfile::tempdir().context("making a temporary folder")?;
-    let log: PathBuf = match &options.log {
-        Some(path) => path.clone(),
-        None => folder.path().join("test.tlog"),
-    };
+    let log = options.log.clone().unwrap_or_else(|| folder.path().join("test.tlog"));
     let mut vehicle = Watched::new(Vehicle::connect(&options.vehicle.port)?);
     vehicle.link().log_to(Writer::create(&log, TOOL)?);
     vehicle.parameters()?;

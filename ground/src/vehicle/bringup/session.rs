@@ -141,8 +141,7 @@ impl Session {
     }
 
     fn ask(&mut self, request: Request) -> Result<Result<(), Failure>> {
-        let now = self.now();
-        let ticket = self.link.client().request(now, request);
+        let ticket = self.link.request(request);
         loop {
             self.turn()?;
             if let Some(answer) = self.link.client().answer(ticket) {

@@ -9,7 +9,6 @@ pub mod keyboard;
 pub mod options;
 mod outcome;
 pub mod person;
-mod picture;
 pub mod polarity;
 pub mod readings;
 mod report;

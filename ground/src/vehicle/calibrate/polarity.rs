@@ -141,7 +141,7 @@ pub fn check(session: &mut Session) -> Result<(Figures, Ending)> {
         return Ok((figures(&looked, &refused), Ending::refused(why)));
     }
     session.go_on()?;
-    let rows = looks().map(|at| Parameter { name: at.polarity.to_owned(), value: CHECKED });
+    let rows = looks().map(|at| Parameter::new(at.polarity, CHECKED));
     write(&mut session.vehicle, &rows.collect::<Vec<_>>())?;
     let ending = Ending::met("checked: the vehicle may be armed");
     Ok((figures(&looked, &refused), ending))

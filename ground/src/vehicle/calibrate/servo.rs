@@ -128,10 +128,7 @@ fn find(session: &mut Session, given: &Servo) -> Result<Vec<Parameter>> {
         nudge(session, axis, "Longest pulse at which nothing touches", has)
     })?;
     // Rounded as a person would write it, so that files and vehicles agree.
-    let row = |(name, value): (&str, f32)| Parameter {
-        name: name.into(),
-        value: (value * 1000.0).round() / 1000.0,
-    };
+    let row = |(name, value): (&str, f32)| Parameter::new(name, (value * 1000.0).round() / 1000.0);
     let values = [centre, us_per_deg, direction, min, max];
     let rows: Vec<_> = names.into_iter().zip(values).map(row).collect();
     admit(rows.iter().map(|row| (&*row.name, &*row.name, row.value)))?;

@@ -68,10 +68,8 @@ pub fn ask(options: &PortOptions, image: Option<&str>) -> Result<Told> {
 /// # Errors
 /// It does not answer.
 pub fn ask_it(vehicle: &mut Vehicle, image: Option<&str>) -> Result<Told> {
-    let now = vehicle.link().now();
-    let version = Request::Order(request::VERSION);
     // What it tells is taken from the messages; an old one refuses.
-    vehicle.link().client().request(now, version);
+    vehicle.link().request(Request::Order(request::VERSION));
     let (mut build, mut status) = (None, None);
     let end = vehicle.now() + TOLD;
     while (build.is_none() || status.is_none()) && vehicle.now() < end {
@@ -207,9 +205,7 @@ mod tests {
     #[test]
     fn what_has_its_defaults_is_named() {
         let rows = |pairs: &[(&str, f32)]| -> Vec<Parameter> {
-            let row =
-                |(name, value): &(&str, f32)| Parameter { name: (*name).into(), value: *value };
-            pairs.iter().map(row).collect()
+            pairs.iter().map(|(name, value)| Parameter::new(*name, *value)).collect()
         };
         let told = |pairs, image| {
             let build = AUTOPILOT_VERSION_DATA {

@@ -249,8 +249,8 @@ impl Desk {
             Order::Reload => request::RELOAD,
             Order::Reset => request::RESET,
             Order::Set { name, value } => return self.set(name, value, condition),
-            Order::WriteFile => return Ok(told(self.parameter_file()?)),
-            Order::ReadFile { text } => return Ok(told(read_file(&text)?)),
+            Order::WriteFile => return Ok(done(Some(self.parameter_file()?))),
+            Order::ReadFile { text } => return Ok(done(Some(read_file(&text)?))),
             Order::Record => {
                 idle(&self.model.lock())?;
                 return Ok(once_done(self.vehicle.record(Recording::Flight)));
@@ -266,16 +266,16 @@ impl Desk {
             }
             Order::SetUp { step } => {
                 self.set_up(step)?;
-                return Ok(done());
+                return Ok(done(None));
             }
             Order::Answer { question, reply } => {
                 self.model.lock().set_up.answer(question, reply)?;
-                return Ok(done());
+                return Ok(done(None));
             }
             Order::Cancel => {
                 ensure!(self.model.lock().set_up.running, "nothing is under way");
                 self.end();
-                return Ok(done());
+                return Ok(done(None));
             }
         };
         if order == request::ARM || order == request::RELEASE {
@@ -315,11 +315,8 @@ impl Desk {
     /// The text of a parameter file, as `tvc param dump` writes it.
     fn parameter_file(&self) -> Result<String> {
         let state = self.model.lock();
-        let row = |ParameterRow { row, .. }: &ParameterRow| Parameter {
-            name: row.name.clone(),
-            value: row.value,
-        };
-        let rows: Vec<_> = state.parameters.iter().map(row).collect();
+        let rows = state.parameters.iter().map(|ParameterRow { row, .. }| row);
+        let rows: Vec<_> = rows.map(|row| Parameter::new(&*row.name, row.value)).collect();
         ensure!(!rows.is_empty(), "the vehicle's parameters are not known yet");
         Ok(param_file::text(&rows))
     }
@@ -333,7 +330,7 @@ impl Desk {
         let (vehicle, model) = (self.vehicle.clone(), self.model.clone());
         let stop = self.test_stop;
         std::thread::spawn(move || manoeuvre::run(manoeuvre, &vehicle, &model, stop));
-        Ok(done())
+        Ok(done(None))
     }
 
     /// Begins a step of the set-up.
@@ -410,8 +407,8 @@ fn once_done<T: 'static>(answer: impl Future<Output = Result<T>> + Send + 'stati
 }
 
 /// An outcome that is there already.
-fn told(note: String) -> Outcome {
-    Box::pin(async { Ok(Some(note)) })
+fn done(note: Option<String>) -> Outcome {
+    Box::pin(async { Ok(note) })
 }
 
 /// Nothing is being recorded or tested.
@@ -428,9 +425,4 @@ fn idle(state: &State) -> Result<()> {
 fn not_set_up(state: &State) -> Result<()> {
     ensure!(!state.set_up.running, "a step of the set-up is under way: end it first");
     Ok(())
-}
-
-/// What is done with nothing to know about it.
-fn done() -> Outcome {
-    Box::pin(async { Ok(None) })
 }

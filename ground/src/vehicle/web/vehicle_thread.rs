@@ -303,25 +303,20 @@ impl<'a> Session<'a> {
         let stores = [SAVE, RELOAD, RESET].map(Request::Order);
         if request == stores[0] && self.host.is_on() {
             // What is stored is not this program's.
-            self.request(guard::set(FS_HOST, 0.0));
+            self.link.request(guard::set(FS_HOST, 0.0));
         }
         let stores = stores.contains(&request);
-        let ticket = self.request(request);
+        let ticket = self.link.request(request);
         if is_stop {
             self.stopping = Some(ticket);
             if let Some(end) = self.end_of_polarity_check() {
-                self.request(end);
+                self.link.request(end);
             }
         }
         if stores {
             self.storing = Some(ticket);
         }
         self.waiting.push(Waiting { ticket, condition, replies: vec![reply] });
-    }
-
-    fn request(&mut self, request: Request) -> Ticket {
-        let now = self.link.now();
-        self.link.client().request(now, request)
     }
 
     fn record(&mut self, recording: Recording) -> Result<PathBuf> {
@@ -334,9 +329,9 @@ impl<'a> Session<'a> {
         self.recording_failure = None;
         // So that the log can be replayed: all parameters, and an estimate whose past is known. A
         // refusal is a text of the vehicle, which the page shows.
-        self.list = Some(self.request(Request::List));
+        self.list = Some(self.link.request(Request::List));
         if recording == Recording::Flight && !self.is_in_operation() {
-            self.request(Request::Order(request::CALIBRATE));
+            self.link.request(Request::Order(request::CALIBRATE));
         }
         Ok(path)
     }
@@ -384,7 +379,7 @@ impl<'a> Session<'a> {
         if stored && self.storing.is_none() {
             // Both may have changed.
             self.stored.read_anew();
-            self.list = Some(self.request(Request::List));
+            self.list = Some(self.link.request(Request::List));
         }
         let client = self.link.client();
         if self.list.is_some_and(|list| client.answer(list).is_some()) {
@@ -400,11 +395,11 @@ impl<'a> Session<'a> {
         let now = self.link.now();
         let client = self.link.client();
         if self.list.is_none() && client.heard().is_some() && !client.has_all_parameters() {
-            self.list = Some(client.request(now, Request::List));
+            self.list = Some(self.link.request(Request::List));
         }
         if now >= self.round_trip_due {
             self.round_trip_due = now + ROUND_TRIP;
-            client.send(&request::time(now.as_nanos() as i64));
+            self.link.client().send(&request::time(now.as_nanos() as i64));
         }
     }
 }

@@ -49,8 +49,7 @@ impl HostWatch {
 
 /// To set a parameter.
 pub(super) fn set(name: &str, value: f32) -> Request {
-    let name = name.to_owned();
-    Request::Set(Parameter { name, value })
+    Request::Set(Parameter::new(name, value))
 }
 
 impl Session<'_> {
@@ -67,7 +66,7 @@ impl Session<'_> {
         if is_off && !is_busy && !self.host.chosen {
             self.host.on = true;
             self.host.due = now + RETRY;
-            self.host.asked = Some(self.request(set(FS_HOST, 1.0)));
+            self.host.asked = Some(self.link.request(set(FS_HOST, 1.0)));
         }
     }
 
@@ -83,7 +82,7 @@ impl Session<'_> {
     pub(super) fn await_listeners(&mut self, asks: &Receiver<Ask>) -> Result<()> {
         let is_flown = !self.listeners.is_empty() && self.is_in_operation();
         if is_flown {
-            self.request(Request::Order(DISARM));
+            self.link.request(Request::Order(DISARM));
         }
         let end = self.link.now() + LAST;
         while !self.listeners.is_empty() && self.link.now() < end {
@@ -121,7 +120,7 @@ impl Session<'_> {
 
     /// The answer to a last request; nothing if there is none in time.
     fn last(&mut self, request: Request) -> Option<Result<(), Failure>> {
-        let ticket = self.request(request);
+        let ticket = self.link.request(request);
         let end = self.link.now() + LAST;
         while self.link.now() < end {
             let received = self.link.receive();
