@@ -1,5 +1,6 @@
 //! The vehicle at the other end of a port, for every command that talks to it.
 
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 use std::time::Duration;
@@ -299,6 +300,16 @@ impl Vehicle {
     pub fn parameters(&mut self) -> Result<Vec<Parameter>> {
         self.request(Request::List, &mut |_| {})?;
         Ok(self.link.client.parameters().cloned().collect())
+    }
+
+    /// Keeps every frame, both ways, in a new log; also asks for every parameter, so that the log can
+    /// be replayed.
+    ///
+    /// # Errors
+    /// The log cannot be written; silence.
+    pub fn keep_log(&mut self, path: &Path) -> Result<()> {
+        self.link.log_to(Writer::create(path, TOOL)?);
+        self.parameters().map(drop)
     }
 
     /// What the vehicle's recorder holds of the last release; nothing if it holds none.

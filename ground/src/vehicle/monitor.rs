@@ -13,11 +13,9 @@ use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget};
 use mavlink::dialects::common::MavAutopilot;
 use tvc_nano::{Axis, Params};
 
-use crate::cli::TOOL;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
-use flights::log::Writer;
 use report::arguments::seconds;
 use report::exit::{BadInput, Verdict};
 use report::file::{print, print_json};
@@ -68,18 +66,15 @@ pub fn run(options: &Monitor) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(&options.port)?;
     let mut tracker = StatusTracker::new(servo_maps(&mut vehicle)?);
     if let Some(log) = &options.log {
-        vehicle.link().log_to(Writer::create(log, TOOL)?);
-        // So that the log can be replayed.
-        vehicle.parameters()?;
+        vehicle.keep_log(log)?;
     }
     let terminal = std::io::stdout().is_terminal() && !options.json;
     let mut screen = terminal.then(Screen::new);
     let every = options.every.unwrap_or(if terminal { 0.1 } else { 1.0 });
     let every = Duration::from_secs_f64(every);
     let begun = vehicle.now();
-    let longest = options.seconds.map(Duration::from_secs_f64);
     let mut due = begun + every;
-    while !signals::asked(stop, vehicle.now() - begun, longest) {
+    while !signals::asked(stop, vehicle.now() - begun, options.seconds) {
         for frame in vehicle.receive()? {
             tracker.take(&frame.message);
         }

@@ -2,19 +2,17 @@
 //! last release from the vehicle's own memory.
 
 use std::path::PathBuf;
-use std::time::Duration;
 
 use anyhow::Result;
 use clap::Args;
 use client::request;
 use serde_json::json;
 
-use crate::cli::TOOL;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::VehicleOptions;
 use crate::vehicle::recorder;
-use flights::log::{Flight, Writer, write_csv};
+use flights::log::{Flight, write_csv};
 use report::arguments::seconds;
 use report::exit::{BadInput, Verdict};
 use report::file::print_json;
@@ -71,8 +69,7 @@ pub fn run(options: &Record) -> Result<Verdict> {
     kind::new_log(&name).map_err(|why| BadInput::new(format!("{name}: {why}")))?;
     let stop = signals::on_signal()?;
     let mut vehicle = Vehicle::connect(&options.vehicle.port)?;
-    vehicle.link().log_to(Writer::create(&options.log, TOOL)?);
-    vehicle.parameters()?;
+    vehicle.keep_log(&options.log)?;
     if let Err(refusal) = vehicle.command(request::CALIBRATE) {
         eprintln!(
             "the log begins in mid-flight, a replay cannot be compared bit for bit: {refusal}"
@@ -80,9 +77,8 @@ pub fn run(options: &Record) -> Result<Verdict> {
     }
     let bar = spinner("{spinner} recording {elapsed}  {msg}");
     let begun = vehicle.now();
-    let longest = options.seconds.map(Duration::from_secs_f64);
     let mut gone = None;
-    while !signals::asked(stop, vehicle.now() - begun, longest) {
+    while !signals::asked(stop, vehicle.now() - begun, options.seconds) {
         if let Err(error) = vehicle.receive() {
             // What has been recorded is kept.
             gone = Some(error);

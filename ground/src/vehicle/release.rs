@@ -66,8 +66,7 @@ pub fn run(options: &Release) -> Result<Verdict> {
         return Ok(Verdict::Missed);
     }
     vehicle.begin(stop);
-    let longest = options.seconds.map(Duration::from_secs_f64);
-    let released = release(&mut vehicle, |lasted| signals::asked(stop, lasted, longest));
+    let released = release(&mut vehicle, |lasted| signals::asked(stop, lasted, options.seconds));
     let seconds = vehicle.leave(released)?;
     let words = format!("in control for {seconds:.1} s, then disarmed");
     Figures::from([figure("seconds", seconds), note(words)]).conclude(options.vehicle.json, None)

@@ -10,7 +10,6 @@ use client::state::is_in_operation;
 use client::{Failure, RefusalKind, StateKind, request};
 use tvc_nano::Axis;
 
-use crate::cli::TOOL;
 use crate::logs::report::{conclude, figures, sweep};
 use crate::signals;
 use crate::vehicle::link::Vehicle;
@@ -18,7 +17,7 @@ use crate::vehicle::port::VehicleOptions;
 use crate::vehicle::watch::Watched;
 use flights::arguments::AxisName;
 use flights::figures::response;
-use flights::log::{Flight, Release, Writer};
+use flights::log::{Flight, Release};
 use report::arguments::{number, seconds};
 use report::exit::Verdict;
 use report::kind;
@@ -186,8 +185,7 @@ pub fn run(options: &Test) -> Result<Verdict> {
     let folder = tempfile::tempdir().context("making a temporary folder")?;
     let log = options.log.clone().unwrap_or_else(|| folder.path().join("test.tlog"));
     let mut vehicle = Watched::new(Vehicle::connect(&options.vehicle.port)?);
-    vehicle.link().log_to(Writer::create(&log, TOOL)?);
-    vehicle.parameters()?;
+    vehicle.keep_log(&log)?;
     if vehicle.state().is_some_and(is_in_operation) {
         bail!("the vehicle is not in standby: `tvc disarm` first");
     }

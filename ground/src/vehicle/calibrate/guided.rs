@@ -14,8 +14,6 @@ use super::outcome::Outcome;
 use super::person::{Ending, Question};
 use super::session::Session;
 use super::{declination, readings};
-use crate::cli::TOOL;
-use flights::log::Writer;
 use report::exit::Verdict;
 use report::file::{print_json, write_whole};
 use report::measure::{Figures, figure};
@@ -75,8 +73,7 @@ pub fn calibrate(
 ) -> Result<(Figures, Ending, Result<()>)> {
     let folder = tempfile::tempdir().context("making a temporary folder")?;
     let log = folder.path().join("calibration.tlog");
-    session.vehicle.link().log_to(Writer::create(&log, TOOL)?);
-    session.vehicle.parameters()?;
+    session.vehicle.keep_log(&log)?;
     let declination_deg = match asked_deg {
         None if session.is_attended() => ask_declination(session)?,
         given => given,
@@ -110,7 +107,7 @@ pub fn calibrate(
 /// Shows what was found, asks, and writes it into the vehicle.
 fn finish(session: &mut Session, outcome: Outcome, files: &Files) -> Result<(Figures, Ending)> {
     session.person.show(&outcome.figures)?;
-    let ending = if outcome.is_refused() {
+    let ending = if !outcome.refused.is_empty() {
         Ending::refused(outcome.refused.join("; "))
     } else if let Some(changed) = session.write_if_agreed(&outcome.rows)? {
         // The estimate begins anew with the new calibration; a vehicle that cannot do that yet says
@@ -153,8 +150,7 @@ fn ask_declination(session: &mut Session) -> Result<Option<f64>> {
             entry: Some("deg, or latitude,longitude"),
             again: false,
         };
-        let answer = session.question(&question, &mut |_| Ok(()))?;
-        let Some(answer) = answer.filter(|answer| !answer.is_empty()) else {
+        let Some(answer) = session.question(&question, &mut |_| Ok(()))? else {
             return Ok(None);
         };
         match (answer.parse::<f64>(), place(&answer)) {

@@ -173,9 +173,6 @@ fn nudge(session: &mut Session, axis: Axis, what: &str, from_us: f32) -> Result<
         let Some(answer) = ask_at(session, axis, pulse_us, &question)? else {
             return Ok(pulse_us);
         };
-        if answer.is_empty() {
-            return Ok(pulse_us);
-        }
         again = true;
         match nudged(pulse_us, &answer) {
             Some(us) => pulse_us = us,
@@ -210,15 +207,15 @@ fn scale(session: &mut Session, axis: Axis, centre_us: f32) -> Result<Option<f32
                 entry: Some("deg"),
                 again: false,
             };
-            match ask_at(session, axis, pulse_us, &question)? {
-                Some(answer) if !answer.is_empty() => match answer.parse::<f32>() {
-                    Ok(deg) if (5.0..=90.0).contains(&deg.abs()) => {
-                        degrees += deg.abs();
-                        break;
-                    }
-                    _ => session.say(&format!("{answer} is no angle from 5 to 90 deg")),
-                },
-                _ => return Ok(None),
+            let Some(answer) = ask_at(session, axis, pulse_us, &question)? else {
+                return Ok(None);
+            };
+            match answer.parse::<f32>() {
+                Ok(deg) if (5.0..=90.0).contains(&deg.abs()) => {
+                    degrees += deg.abs();
+                    break;
+                }
+                _ => session.say(&format!("{answer} is no angle from 5 to 90 deg")),
             }
         }
     }
@@ -242,7 +239,7 @@ fn direction(session: &mut Session, axis: Axis, centre_us: f32) -> Result<Option
         match ask_at(session, axis, centre_us + SPAN_US, &question)?.as_deref() {
             Some("y" | "Y" | "yes") => return Ok(Some(1.0)),
             Some("n" | "N" | "no") => return Ok(Some(-1.0)),
-            Some("") | None => return Ok(None),
+            None => return Ok(None),
             Some(_) => session.say("answer y or n"),
         }
     }

@@ -210,7 +210,7 @@ impl Session {
     }
 
     /// What the person answers; until then messages are taken in, and `each` runs again and again.
-    /// `None` where nobody answers.
+    /// `None` where nobody answers, or by an empty line.
     ///
     /// # Errors
     /// As [`Self::pump`], or those of `each`.
@@ -222,7 +222,7 @@ impl Session {
         self.person.ask(question);
         loop {
             match self.person.poll() {
-                Typed::Line(line) => return Ok(Some(line)),
+                Typed::Line(line) => return Ok((!line.is_empty()).then_some(line)),
                 Typed::Nobody => return Ok(None),
                 Typed::Nothing => {}
             }

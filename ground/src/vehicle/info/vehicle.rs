@@ -12,7 +12,6 @@ use tvc_nano::params::Polarity;
 use tvc_nano::{Axis, Params};
 
 use crate::vehicle::link::Vehicle;
-use crate::vehicle::port::PortOptions;
 use flights::log::vehicle_build;
 
 /// How long what the vehicle tells once a second is waited for.
@@ -58,16 +57,8 @@ pub struct Told {
 /// Asks the vehicle; `image` is the build id of the image at hand.
 ///
 /// # Errors
-/// No such port, no vehicle, or it falls silent.
-pub fn ask(options: &PortOptions, image: Option<&str>) -> Result<Told> {
-    ask_it(&mut Vehicle::connect(options)?, image)
-}
-
-/// As [`ask`], a vehicle that has been heard.
-///
-/// # Errors
 /// It does not answer.
-pub fn ask_it(vehicle: &mut Vehicle, image: Option<&str>) -> Result<Told> {
+pub fn ask(vehicle: &mut Vehicle, image: Option<&str>) -> Result<Told> {
     // What it tells is taken from the messages; an old one refuses.
     vehicle.link().request(Request::Order(request::VERSION));
     let (mut build, mut status) = (None, None);

@@ -33,7 +33,7 @@ use client::{Parameter, Request};
 use serde::Deserialize;
 
 use super::auth::{Once, Token};
-use super::handle::{Condition, Handle, Recording};
+use super::handle::{Answer, Condition, Handle, Recording};
 use super::model::set_up::Step;
 use super::model::{Model, ParameterRow, State, Test};
 use super::rig::{self, RigControl};
@@ -220,9 +220,9 @@ impl Desk {
     /// Disarms. A fault that stays is no reason to press again: the rudder rests.
     pub fn stop(&self) -> Outcome {
         self.end();
-        let answer = self.vehicle.order(DISARM, Condition::default());
+        let answer = self.vehicle.request(Request::Order(DISARM), Condition::default());
         Box::pin(async {
-            let Err(error) = answer.await else {
+            let Err(error) = answer.come().await else {
                 return Ok(None);
             };
             match error.downcast_ref().and_then(guard::fault_that_stays) {
@@ -262,7 +262,7 @@ impl Desk {
             Order::Rig { action } => {
                 rig::admit(&action)?;
                 let rig = self.rig.clone();
-                return Ok(once_done(async move { rig.act(&action).await }));
+                return Ok(Box::pin(async move { rig.act(&action).await.map(|_| None) }));
             }
             Order::SetUp { step } => {
                 self.set_up(step)?;
@@ -281,7 +281,7 @@ impl Desk {
         if order == request::ARM || order == request::RELEASE {
             self.armed.store(true, Ordering::SeqCst);
         }
-        Ok(once_done(self.vehicle.order(order, condition)))
+        Ok(once_done(self.vehicle.request(Request::Order(order), condition)))
     }
 
     /// Until when an order of a page may be given that has heard of this time.
@@ -402,8 +402,8 @@ fn read_file(text: &str) -> Result<String> {
 }
 
 /// What becomes of an order once the answer comes.
-fn once_done<T: 'static>(answer: impl Future<Output = Result<T>> + Send + 'static) -> Outcome {
-    Box::pin(async { answer.await.map(|_| None) })
+fn once_done<T: Send + 'static>(answer: Answer<T>) -> Outcome {
+    Box::pin(async { answer.come().await.map(|_| None) })
 }
 
 /// An outcome that is there already.

@@ -1,16 +1,12 @@
 //! How the page's tasks ask the thread that owns the port.
 
-use std::future::Future;
 use std::path::PathBuf;
-use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
-use std::task::{Context, Poll};
 use std::time::Instant;
 
 use anyhow::{Result, anyhow};
 use client::Request;
-use client::request::Order;
 use tokio::sync::oneshot::{self, error::TryRecvError};
 
 /// Where an answer goes.
@@ -107,11 +103,6 @@ impl Handle {
         self.ask(|reply| Ask::Request(request, condition, reply))
     }
 
-    /// Gives an order. The answer is as of [`Handle::request`].
-    pub fn order(&self, order: Order, condition: Condition) -> Answer<()> {
-        self.request(Request::Order(order), condition)
-    }
-
     /// Begins a log; the answer is its path, or an error if another log is being written, the
     /// folder takes no file, or there is no port.
     pub fn record(&self, recording: Recording) -> Answer<PathBuf> {
@@ -164,14 +155,13 @@ impl<T> Answer<T> {
             Err(TryRecvError::Closed) => Some(Err(ending())),
         }
     }
-}
 
-impl<T> Future for Answer<T> {
-    type Output = Result<T>;
-
-    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Result<T>> {
-        let answer = Pin::new(&mut self.0).poll(context);
-        answer.map(|answer| answer.unwrap_or_else(|_| Err(ending())))
+    /// The answer, once it comes.
+    ///
+    /// # Errors
+    /// As [`Answer::wait`].
+    pub async fn come(self) -> Result<T> {
+        self.0.await.unwrap_or_else(|_| Err(ending()))
     }
 }
 

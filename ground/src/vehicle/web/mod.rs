@@ -153,7 +153,6 @@ pub fn run(options: &Web) -> Result<Verdict> {
     }
     listener.set_nonblocking(true)?;
     let begun = Instant::now();
-    let longest = options.seconds.map(Duration::from_secs_f64);
     std::thread::scope(|scope| {
         let _ending = Ending(stop);
         let (port, logs, shown) = (&options.port, &options.logs, &*model);
@@ -164,7 +163,9 @@ pub fn run(options: &Web) -> Result<Verdict> {
                 match server::serve(listener, desk.clone(), &options.admission).await {}
             };
             let over = async {
-                while !signals::asked(stop, begun.elapsed(), longest) && !vehicle.is_finished() {
+                while !signals::asked(stop, begun.elapsed(), options.seconds)
+                    && !vehicle.is_finished()
+                {
                     sleep(LOOK).await;
                 }
                 Ok::<_, Error>(())
