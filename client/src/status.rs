@@ -89,13 +89,8 @@ pub struct ServoMap {
 }
 
 impl ServoMap {
-    /// Of the first servo, by the vehicle's parameters.
-    pub fn of(params: &Params) -> Self {
-        Self::of_axis(params, Axis::Pitch)
-    }
-
     /// Of an axis' servo, by the vehicle's parameters.
-    pub fn of_axis(params: &Params, axis: Axis) -> Self {
+    pub fn of(params: &Params, axis: Axis) -> Self {
         let fitting = params.fitting(axis);
         Self::new(fitting.centre_us, params.srv_us_per_deg(), fitting.direction)
     }

@@ -111,7 +111,7 @@ pub fn servo_maps(vehicle: &mut Vehicle) -> Result<[ServoMap; Axis::COUNT]> {
         }
     };
     eprintln!("{why} Servo angles are those of tvc-nano's defaults.");
-    Ok([ServoMap::of(&Params::default()); Axis::COUNT])
+    Ok([ServoMap::of(&Params::default(), Axis::Pitch); Axis::COUNT])
 }
 
 /// Whether the vehicle does not know or does not tell what it was asked for.

@@ -130,14 +130,8 @@ const ARM_RETRY: Duration = Duration::from_millis(500);
 const ARMED: Duration = Duration::from_millis(250);
 /// Time upright before the set point begins to swing.
 const SETTLE: Duration = Duration::from_secs(3);
-/// The parameter with an axis' set point.
-fn set_point(axis: Axis) -> &'static str {
-    match axis {
-        Axis::Pitch => "PITCH_SET_DEG",
-        Axis::Roll => "ROLL_SET_DEG",
-    }
-}
-
+/// The parameters with the set points, by axis.
+const SET_POINTS: [&str; Axis::COUNT] = ["PITCH_SET_DEG", "ROLL_SET_DEG"];
 /// Time between two set points.
 const SET_PERIOD: Duration = Duration::from_millis(20);
 /// Without a heartbeat for so long the vehicle counts as gone; it sends one a second.
@@ -265,7 +259,7 @@ pub fn fly(
             Ok(())
         });
     };
-    let set_point = set_point(axis);
+    let set_point = SET_POINTS[axis.index()];
     let before = vehicle.parameter(set_point)?;
     vehicle.put_back_later(set_point, before);
     watch(vehicle, SETTLE, &mut |_, time| {

@@ -215,10 +215,7 @@ fn tilt(session: &mut Session, way: Tilt, words: &str, axis: Axis) -> Result<See
         let rests = (angle(seen) - angle(last)).abs() < 0.02;
         so = if there && rests { so + 1 } else { 0 };
         last = seen;
-        let name = match axis {
-            Axis::Pitch => "pitch",
-            Axis::Roll => "roll",
-        };
+        let name = ["pitch", "roll"][axis.index()];
         session.progress(
             so as f64 / LOOKS as f64,
             &format!(

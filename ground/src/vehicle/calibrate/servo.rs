@@ -26,13 +26,11 @@ const SPAN_US: f32 = 300.0;
 /// The parameter that both servos share.
 const SCALE: &str = "SRV_US_PER_DEG";
 
-/// The parameters of an axis' servo: centre, scale, direction, shortest and longest pulse.
-fn names(axis: Axis) -> [&'static str; 5] {
-    match axis {
-        Axis::Pitch => ["SRV_CENTRE_US", SCALE, "SRV_DIR", "SRV_MIN_US", "SRV_MAX_US"],
-        Axis::Roll => ["SRV2_CENTRE_US", SCALE, "SRV2_DIR", "SRV2_MIN_US", "SRV2_MAX_US"],
-    }
-}
+/// The parameters of a servo, by axis: centre, scale, direction, shortest and longest pulse.
+const NAMES: [[&str; 5]; Axis::COUNT] = [
+    ["SRV_CENTRE_US", SCALE, "SRV_DIR", "SRV_MIN_US", "SRV_MAX_US"],
+    ["SRV2_CENTRE_US", SCALE, "SRV2_DIR", "SRV2_MIN_US", "SRV2_MAX_US"],
+];
 
 /// Sets up the servo of the vehicle at a port.
 ///
@@ -82,7 +80,7 @@ pub fn set_up(session: &mut Session, given: &Servo) -> Result<(Figures, Ending)>
 fn check(given: &Servo) -> Result<()> {
     const OPTIONS: [&str; 5] = ["--centre", "--us-per-deg", "--direction", "--min", "--max"];
     let values = [given.centre, given.us_per_deg, given.direction, given.min, given.max];
-    let all = OPTIONS.into_iter().zip(names(given.axis())).zip(values);
+    let all = OPTIONS.into_iter().zip(NAMES[given.axis().index()]).zip(values);
     admit(all.filter_map(|((option, name), value)| Some((option, name, value?))))
 }
 
@@ -101,7 +99,7 @@ fn admit<'a>(values: impl Iterator<Item = (&'a str, &'a str, f32)>) -> Result<()
 fn find(session: &mut Session, given: &Servo) -> Result<Vec<Parameter>> {
     let yes = session.yes;
     let axis = given.axis();
-    let names = names(axis);
+    let names = NAMES[axis.index()];
     let [centre_name, scale_name, direction_name, min_name, max_name] = names;
     type Ask<'a> = &'a dyn Fn(&mut Session, f32) -> Result<f32>;
     let mut value = |name: &str, given: Option<f32>, ask: Ask<'_>| match given {

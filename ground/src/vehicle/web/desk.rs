@@ -33,7 +33,7 @@ use client::{Parameter, Request};
 use serde::Deserialize;
 
 use super::auth::{Once, Token};
-use super::handle::{Answer, Condition, Handle, Recording};
+use super::handle::{Answer, Condition, Handle};
 use super::model::set_up::Step;
 use super::model::{Model, ParameterRow, State, Test};
 use super::rig::{self, RigControl};
@@ -253,7 +253,7 @@ impl Desk {
             Order::ReadFile { text } => return Ok(done(Some(read_file(&text)?))),
             Order::Record => {
                 idle(&self.model.lock())?;
-                return Ok(once_done(self.vehicle.record(Recording::Flight)));
+                return Ok(once_done(self.vehicle.record(None)));
             }
             Order::EndRecord => return Ok(once_done(self.vehicle.end_recording())),
             Order::Step { seconds } => return self.test(Manoeuvre::STEP.lasting(seconds)?),

@@ -16,8 +16,8 @@ pub type Reply<T> = oneshot::Sender<Result<T>>;
 pub enum Ask {
     /// A request to the vehicle.
     Request(Request, Condition, Reply<()>),
-    /// A log from now on; the answer is its path.
-    Record(Recording, Reply<PathBuf>),
+    /// A log from now on, of the test of this name or of whatever happens; the answer is its path.
+    Record(Option<&'static str>, Reply<PathBuf>),
     /// The end of the log.
     EndRecording(Reply<()>),
     /// Every frame of the vehicle from now on, until the receiver has gone.
@@ -48,25 +48,6 @@ impl Condition {
     /// Whether its time is over.
     pub fn is_over(&self) -> bool {
         self.until.is_some_and(|until| Instant::now() > until)
-    }
-}
-
-/// What is recorded, and so how its log is called.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Recording {
-    /// Whatever happens until it is ended.
-    Flight,
-    /// A test of this name, which begins the estimate anew by itself.
-    Test(&'static str),
-}
-
-impl Recording {
-    /// The beginning of its log's name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Flight => "flight",
-            Self::Test(name) => name,
-        }
     }
 }
 
@@ -103,10 +84,10 @@ impl Handle {
         self.ask(|reply| Ask::Request(request, condition, reply))
     }
 
-    /// Begins a log; the answer is its path, or an error if another log is being written, the
+    /// Begins a log of a test or of whatever happens; the answer is its path, or an error if another log is being written, the
     /// folder takes no file, or there is no port.
-    pub fn record(&self, recording: Recording) -> Answer<PathBuf> {
-        self.ask(|reply| Ask::Record(recording, reply))
+    pub fn record(&self, test: Option<&'static str>) -> Answer<PathBuf> {
+        self.ask(|reply| Ask::Record(test, reply))
     }
 
     /// Ends the log. The answer is an error if it could not be written, or there is no port.

@@ -117,7 +117,7 @@ impl Releases {
         let flight = Flight::of(&Log { entries, ..Log::default() });
         let releases = flight.releases();
         let release = releases.first()?;
-        let servo = ServoMap::of(&flight.parameters());
+        let servo = ServoMap::of(&flight.parameters(), Axis::Pitch);
         let pitch = release.trace(Step::pitch_rad);
         let rudder = release.trace(|step| servo.angle_rad(step.pulses_us[0]));
         let every = pitch.len().div_ceil(POINTS).max(1);

@@ -21,7 +21,7 @@ use client::{Frame, Request, ServoMap, StateKind, StatusTracker, Ticket};
 use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
 use tvc_nano::{Axis, Params};
 
-use super::handle::{Ask, Condition, Recording, Reply};
+use super::handle::{Ask, Condition, Reply};
 use super::logs;
 use super::model::{Model, VehicleStatus};
 use super::releases::Releases;
@@ -173,7 +173,7 @@ impl<'a> Session<'a> {
         Self {
             model,
             logs,
-            tracker: StatusTracker::new(Axis::ALL.map(|axis| ServoMap::of_axis(&params, axis))),
+            tracker: StatusTracker::new(Axis::ALL.map(|axis| ServoMap::of(&params, axis))),
             state: link.client().state(),
             attitudes: 0,
             health: SYS_STATUS_DATA::default(),
@@ -253,8 +253,8 @@ impl<'a> Session<'a> {
     fn take(&mut self, ask: Ask) -> Result<()> {
         match ask {
             Ask::Request(request, condition, reply) => self.take_request(request, condition, reply),
-            Ask::Record(recording, reply) => {
-                let begun = self.record(recording);
+            Ask::Record(test, reply) => {
+                let begun = self.record(test);
                 // Whoever is answered finds it in the status.
                 self.publish_status();
                 let _ = reply.send(begun);
@@ -319,18 +319,18 @@ impl<'a> Session<'a> {
         self.waiting.push(Waiting { ticket, condition, replies: vec![reply] });
     }
 
-    fn record(&mut self, recording: Recording) -> Result<PathBuf> {
+    fn record(&mut self, test: Option<&str>) -> Result<PathBuf> {
         if let Some(path) = &self.recording {
             bail!("{} is being recorded: end it first", path.display());
         }
-        let (log, path) = logs::create(self.logs, recording.name())?;
+        let (log, path) = logs::create(self.logs, test.unwrap_or("flight"))?;
         self.link.log_to(log);
         self.recording = Some(path.clone());
         self.recording_failure = None;
-        // So that the log can be replayed: all parameters, and an estimate whose past is known. A
-        // refusal is a text of the vehicle, which the page shows.
+        // So that the log can be replayed: all parameters, and an estimate whose past is known; a
+        // test begins it anew by itself. A refusal is a text of the vehicle, which the page shows.
         self.list = Some(self.link.request(Request::List));
-        if recording == Recording::Flight && !self.is_in_operation() {
+        if test.is_none() && !self.is_in_operation() {
             self.link.request(Request::Order(request::CALIBRATE));
         }
         Ok(path)

@@ -89,7 +89,7 @@ pub fn asked(bytes: &[u8], number: u64) -> Outcome {
 
 /// As `tvc monitor` shows it.
 fn watched(vehicle: &mut Vehicle) -> Outcome {
-    let servos = Axis::ALL.map(|axis| ServoMap::of_axis(&Params::default(), axis));
+    let servos = Axis::ALL.map(|axis| ServoMap::of(&Params::default(), axis));
     let mut tracker = StatusTracker::new(servos);
     while let Ok(frames) = vehicle.receive() {
         for frame in frames {

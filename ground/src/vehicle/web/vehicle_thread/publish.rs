@@ -101,7 +101,7 @@ impl Session<'_> {
         let settling = self.is_settling();
         let status = self.tracker.peek();
         let servo = |axis, pulse_us| {
-            let map = ServoMap::of_axis(&self.params, axis);
+            let map = ServoMap::of(&self.params, axis);
             rounded(map.angle_rad(pulse_us).to_degrees())
         };
         let roll = status.second_servo.map(|second| RollMotion {
