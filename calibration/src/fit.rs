@@ -63,6 +63,11 @@ pub struct Found {
 }
 
 impl Found {
+    /// What a fit has found; otherwise keeps why not.
+    fn or_refused<T>(&mut self, fitted: Result<T, impl ToString>) -> Option<T> {
+        fitted.map_err(|why| self.refused.push(why.to_string())).ok()
+    }
+
     /// Correction of the gyroscope.
     pub fn gyr(&self) -> Correction {
         let offset = self.rest.map_or(Vector3::zeros(), |rest| rest.bias);
@@ -93,24 +98,17 @@ pub fn fit(readings: &Readings, wanted: &Wanted) -> Found {
         Err(_) => {}
     }
     if wanted.has(Sensor::Acc) {
-        match poses::fit(&stillness::forces(samples, &rests), wanted.gravity) {
-            Ok(poses) => found.poses = Some(poses),
-            Err(why) => found.refused.push(why.to_string()),
-        }
+        let poses = poses::fit(&stillness::forces(samples, &rests), wanted.gravity);
+        found.poses = found.or_refused(poses);
     }
     if wanted.has(Sensor::Mag) {
-        match ellipsoid::fit(&readings.fields()) {
-            Ok(ellipsoid) => found.ellipsoid = Some(ellipsoid),
-            Err(why) => found.refused.push(why.to_string()),
-        }
+        found.ellipsoid = found.or_refused(ellipsoid::fit(&readings.fields()));
     }
     turn_by_gravity(&mut found, readings, wanted.gravity);
     check_polarity(&mut found, readings, wanted.gravity);
     if let Some(level) = level_rest(readings, &rests, wanted) {
-        match level {
-            Ok(force) => found.mount = Some(level::mount(&found.acc().apply(&force))),
-            Err(why) => found.refused.push(why),
-        }
+        let force = found.or_refused(level);
+        found.mount = force.map(|force| level::mount(&found.acc().apply(&force)));
     }
     found
 }

@@ -107,38 +107,30 @@ pub fn run(
     logs: &Path,
     stop: &'static AtomicBool,
 ) {
-    let led = catch_unwind(AssertUnwindSafe(|| lead(step, vehicle, model, logs, stop)));
-    let ending = match led {
+    let lead = || -> Result<Ending> {
+        let vehicle = Vehicle::at(relay::link(vehicle.clone()))?;
+        let mut session = Session::new(vehicle, Box::new(Page(model.clone())), stop, false)?;
+        Ok(match step {
+            Step::Sensors => {
+                let files = Files::beside(&logs::free(logs, "calibration")?);
+                let wanted = Wanted { only: Vec::new(), gravity: STANDARD_GRAVITY, level_s: None };
+                let (_, ending, written) = guided::calibrate(&mut session, &wanted, None, &files)?;
+                if let Err(why) = written {
+                    session.say(&format!("{why:#}"));
+                }
+                ending
+            }
+            Step::Servo => servo::set_up(&mut session, &Servo::default())?.1,
+            Step::Polarity => polarity::check(&mut session)?.1,
+            Step::Hold => hold::measure(&mut session, HOLD_S)?.1,
+        })
+    };
+    let ending = match catch_unwind(AssertUnwindSafe(lead)) {
         Ok(Ok(ending)) => ending,
         Ok(Err(error)) => Ending::unchanged(format!("{error:#}")),
         Err(_) => Ending::unchanged("this step broke off"),
     };
     model.lock().set_up.end(ending);
-}
-
-fn lead(
-    step: Step,
-    vehicle: &Handle,
-    model: &Arc<Model>,
-    logs: &Path,
-    stop: &'static AtomicBool,
-) -> Result<Ending> {
-    let vehicle = Vehicle::at(relay::link(vehicle.clone()))?;
-    let mut session = Session::new(vehicle, Box::new(Page(model.clone())), stop, false)?;
-    Ok(match step {
-        Step::Sensors => {
-            let files = Files::beside(&logs::free(logs, "calibration")?);
-            let wanted = Wanted { only: Vec::new(), gravity: STANDARD_GRAVITY, level_s: None };
-            let (_, ending, written) = guided::calibrate(&mut session, &wanted, None, &files)?;
-            if let Err(why) = written {
-                session.say(&format!("{why:#}"));
-            }
-            ending
-        }
-        Step::Servo => servo::set_up(&mut session, &Servo::default())?.1,
-        Step::Polarity => polarity::check(&mut session)?.1,
-        Step::Hold => hold::measure(&mut session, HOLD_S)?.1,
-    })
 }
 
 #[cfg(test)]
