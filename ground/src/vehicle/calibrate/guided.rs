@@ -144,7 +144,7 @@ fn lead(session: &mut Session, wanted: &Wanted) -> Result<Refused> {
 fn ask_declination(session: &mut Session) -> Result<Option<f64>> {
     loop {
         let question = Question {
-            words: "Magnetic declination in deg, or latitude,longitude",
+            words: "Magnetic declination in deg, or latitude,longitude".to_owned(),
             keys: "(Enter: leave it as it is):",
             buttons: &[("Leave it as it is", "")],
             entry: Some("deg, or latitude,longitude"),
@@ -276,7 +276,7 @@ fn level(session: &mut Session, _: &Wanted) -> Result<Refused> {
     session.ask(Prompt::Level, "4/4  Mount the sensor, stand the body level, and leave it.")?;
     if session.is_attended() {
         let question = Question {
-            words: "Is it mounted, and does the body stand level?",
+            words: "Is it mounted, and does the body stand level?".to_owned(),
             keys: "Enter when it does:",
             buttons: &[("It stands level", "")],
             entry: None,

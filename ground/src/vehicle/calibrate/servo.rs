@@ -138,7 +138,7 @@ fn ask_at(
     session: &mut Session,
     axis: Axis,
     pulse_us: f32,
-    question: &Question<'_>,
+    question: &Question,
 ) -> Result<Option<String>> {
     let mut due = session.vehicle.now();
     session.question(question, &mut |vehicle| {
@@ -156,7 +156,7 @@ fn nudge(session: &mut Session, axis: Axis, what: &str, from_us: f32) -> Result<
     let mut again = false;
     loop {
         let question = Question {
-            words: &format!("{what}: now {pulse_us} us."),
+            words: format!("{what}: now {pulse_us} us."),
             keys: "Pulse in us, + or - for 5 us (++ for 10), Enter when it is so:",
             buttons: &[
                 ("\u{2212} 50", "----------"),
@@ -199,7 +199,7 @@ fn scale(session: &mut Session, axis: Axis, centre_us: f32) -> Result<Option<f32
     for pulse_us in [centre_us + SPAN_US, centre_us - SPAN_US] {
         loop {
             let question = Question {
-                words: &format!("Horn at {pulse_us} us: how many deg from the centre, either way"),
+                words: format!("Horn at {pulse_us} us: how many deg from the centre, either way"),
                 keys: "(Enter: leave the scale as it is)?",
                 buttons: &[("Leave the scale as it is", "")],
                 entry: Some("deg"),
@@ -227,7 +227,7 @@ fn direction(session: &mut Session, axis: Axis, centre_us: f32) -> Result<Option
         Axis::Roll => "A longer pulse: does the second rudder's lower edge point left",
     };
     let question = Question {
-        words,
+        words: words.to_owned(),
         keys: "[y/n] (Enter: leave it as it is)?",
         buttons: &[("Yes", "y"), ("No", "n"), ("Leave it as it is", "")],
         entry: None,

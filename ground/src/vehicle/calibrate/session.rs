@@ -216,7 +216,7 @@ impl Session {
     /// As [`Self::pump`], or those of `each`.
     pub fn question(
         &mut self,
-        question: &Question<'_>,
+        question: &Question,
         each: &mut dyn FnMut(&mut Vehicle) -> Result<()>,
     ) -> Result<Option<String>> {
         self.person.ask(question);
@@ -240,7 +240,7 @@ impl Session {
             return Ok(true);
         }
         let question = Question {
-            words,
+            words: words.to_owned(),
             keys: "[y/N]",
             buttons: &[("Yes", "y"), ("No", "n")],
             entry: None,

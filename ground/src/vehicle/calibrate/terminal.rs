@@ -67,7 +67,7 @@ impl Person for Terminal {
         }
     }
 
-    fn ask(&mut self, question: &Question<'_>) {
+    fn ask(&mut self, question: &Question) {
         // The bar is hidden until the next progress: the question stands on a line of its own.
         self.rest();
         let Question { words, keys, .. } = question;

@@ -74,19 +74,11 @@ impl Person for Page {
         Ok(())
     }
 
-    fn ask(&mut self, question: &person::Question<'_>) {
-        let buttons = question.buttons.iter();
-        let buttons = buttons.map(|(label, reply)| [*label, *reply].map(str::to_owned));
+    fn ask(&mut self, question: &person::Question) {
         let now = &mut *self.0.lock().set_up;
         now.asked += 1;
         now.share = None;
-        now.question = Some(Question {
-            id: now.asked,
-            words: question.words.to_owned(),
-            buttons: buttons.collect(),
-            entry: question.entry.map(str::to_owned),
-            again: question.again,
-        });
+        now.question = Some(Question { id: now.asked, asked: question.clone() });
     }
 
     fn poll(&mut self) -> Typed {
@@ -146,7 +138,7 @@ mod tests {
             answered.is_ok()
         };
         let question = person::Question {
-            words: "Is it so?",
+            words: "Is it so?".to_owned(),
             keys: "",
             buttons: &[("Yes", "y")],
             entry: None,
