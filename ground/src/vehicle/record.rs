@@ -3,16 +3,18 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
-use client::request;
+use client::state::state_of;
+use client::{StateKind, request};
 use serde_json::json;
 
+use crate::cli::TOOL;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::VehicleOptions;
 use crate::vehicle::recorder;
-use flights::log::{Flight, write_csv};
+use flights::log::{Event, Flight, write_csv, write_flight};
 use report::arguments::seconds;
 use report::exit::{BadInput, Verdict};
 use report::file::print_json;
@@ -63,7 +65,7 @@ pub struct Record {
 /// The log cannot be written, there is no vehicle, or it went away.
 pub fn run(options: &Record) -> Result<Verdict> {
     if options.last {
-        return recorder::fetch(&options.vehicle.port, &options.log, options.vehicle.json);
+        return fetch(options);
     }
     let name = options.log.to_string_lossy();
     kind::new_log(&name).map_err(|why| BadInput::new(format!("{name}: {why}")))?;
@@ -104,4 +106,35 @@ pub fn run(options: &Record) -> Result<Verdict> {
         eprintln!("wrote {}", path.display());
     }
     gone.map_or(Ok(Verdict::Met), Err)
+}
+
+/// Downloads the steps around the last release and writes them.
+///
+/// # Errors
+/// No vehicle, no release in its memory, or a file that cannot be written.
+fn fetch(options: &Record) -> Result<Verdict> {
+    let mut vehicle = Vehicle::connect(&options.vehicle.port)?;
+    let bytes = vehicle.recording()?;
+    if bytes.is_empty() {
+        bail!(BadInput::new(
+            "the vehicle holds no release: it keeps one from a second after it until it is armed again or loses power",
+        ));
+    }
+    let flight = recorder::flight(&bytes, vehicle.parameters()?)?;
+    write_flight(&flight, &options.log, TOOL)?;
+    let (steps, missed) = (flight.steps().count(), flight.missed());
+    let before = flight
+        .events
+        .iter()
+        .take_while(|event| !matches!(event, Event::State(code) if state_of(*code) == Some(StateKind::Active)))
+        .filter(|event| matches!(event, Event::Step(_)))
+        .count();
+    if options.vehicle.json {
+        print_json(&json!({ "steps": steps, "before_release": before, "missed": missed }))?;
+    }
+    eprintln!(
+        "wrote {}: {steps} control steps, {before} of them before the release, {missed} without a sample",
+        options.log.display()
+    );
+    Ok(Verdict::Met)
 }
