@@ -143,11 +143,9 @@ fn level_rest(
 
 /// The bias out of the longest rest; where there is none, the reason in the recording's beginning.
 fn tombstone(samples: &[Sample]) -> Result<Rest, rest::RestError> {
-    let longest = stillness::find(samples, 0.0)
-        .into_iter()
-        .max_by(|a, b| stillness::length_s(samples, a).total_cmp(&stillness::length_s(samples, b)));
-    let longest = longest.unwrap_or(0..0);
-    let short = rest::bias(&samples[longest]);
+    let rests = stillness::find(samples, 0.0).into_iter().map(|range| &samples[range]);
+    let longest = rests.max_by(|a, b| stillness::length_s(a).total_cmp(&stillness::length_s(b)));
+    let short = rest::bias(longest.unwrap_or_default());
     if let Err(rest::RestError::Short { .. }) = short {
         let until = samples.partition_point(|m| m.time_s <= 2.0 * LEAST_S);
         if let Err(motion @ rest::RestError::Motion { .. }) = rest::bias(&samples[..until]) {

@@ -81,7 +81,7 @@ pub enum RestError {
 /// # Errors
 /// [`RestError`], where it was no rest.
 pub fn bias(samples: &[Sample]) -> Result<Rest, RestError> {
-    let seconds = stillness::length_s(samples, &(0..samples.len()));
+    let seconds = stillness::length_s(samples);
     let means = |samples: &[Sample]| {
         Some((
             spread(samples.iter().map(|m| &m.gyr))?,

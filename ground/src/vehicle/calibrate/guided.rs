@@ -175,7 +175,7 @@ fn lay_down(session: &mut Session, _: &Wanted) -> Result<Refused> {
             session.progress(0.0, "it moves");
         }
         let rest = &session.samples()[start..];
-        let still_s = stillness::length_s(session.samples(), &(start..session.samples().len()));
+        let still_s = stillness::length_s(rest);
         if still_s >= REST_S {
             match rest::bias(rest) {
                 Ok(_) => {
