@@ -15,8 +15,14 @@ pub struct Coverage {
 }
 
 impl Coverage {
+    /// The directions from the middle of the readings, as long as no ellipsoid fits them.
+    pub fn about_middle<'a>(readings: impl Iterator<Item = &'a Vector3<f64>> + Clone) -> Self {
+        let (middle, _) = extent(readings.clone());
+        readings.map(|reading| reading - middle).collect()
+    }
+
     /// Counts a direction; its length does not matter, and a zero one is ignored.
-    pub fn add(&mut self, direction: &Vector3<f64>) {
+    fn add(&mut self, direction: &Vector3<f64>) {
         let norm = direction.norm();
         if norm.is_nan() || norm <= 0.0 {
             return;
@@ -42,14 +48,27 @@ impl Coverage {
     }
 }
 
-impl<'a> FromIterator<&'a Vector3<f64>> for Coverage {
-    fn from_iter<I: IntoIterator<Item = &'a Vector3<f64>>>(directions: I) -> Self {
+impl FromIterator<Vector3<f64>> for Coverage {
+    fn from_iter<I: IntoIterator<Item = Vector3<f64>>>(directions: I) -> Self {
         let mut coverage = Self::default();
         for direction in directions {
-            coverage.add(direction);
+            coverage.add(&direction);
         }
         coverage
     }
+}
+
+/// The middle of the ranges of the readings, and the largest distance from it.
+pub(crate) fn extent<'a>(
+    mut readings: impl Iterator<Item = &'a Vector3<f64>> + Clone,
+) -> (Vector3<f64>, f64) {
+    let all = readings.clone();
+    let Some(first) = readings.next() else {
+        return (Vector3::zeros(), 0.0);
+    };
+    let (low, high) = readings.fold((*first, *first), |(low, high), m| (low.inf(m), high.sup(m)));
+    let middle = (low + high) / 2.0;
+    (middle, all.map(|m| (m - middle).norm()).fold(0.0, f64::max))
 }
 
 #[cfg(test)]
@@ -67,7 +86,7 @@ mod tests {
                 Vector3::new(r * turn.cos(), r * turn.sin(), z) * 50.0
             })
             .collect();
-        let coverage: Coverage = points.iter().collect();
+        let coverage: Coverage = points.into_iter().collect();
         assert_eq!(coverage.share(), 1.0);
         for count in coverage.counts().as_flattened() {
             assert!((85..=115).contains(count), "{count}");
@@ -80,8 +99,8 @@ mod tests {
             .map(|deg| f64::from(deg).to_radians())
             .map(|a| Vector3::new(a.cos(), a.sin(), 0.5))
             .collect();
-        let coverage: Coverage = ring.iter().collect();
+        let coverage: Coverage = ring.into_iter().collect();
         assert_eq!(coverage.share(), 8.0 / 48.0);
-        assert_eq!(Coverage::from_iter([&Vector3::zeros()]).share(), 0.0);
+        assert_eq!(Coverage::from_iter([Vector3::zeros()]).share(), 0.0);
     }
 }

@@ -15,7 +15,7 @@ use std::ops::RangeInclusive;
 use nalgebra::{Matrix3, Matrix4, Rotation3, SMatrix, SVector, Vector3, Vector4};
 use thiserror::Error;
 
-use crate::coverage::Coverage;
+use crate::coverage::{Coverage, extent};
 use crate::{Correction, spread};
 
 /// Least share of all directions that must have been seen.
@@ -124,20 +124,12 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
     let sane = |m: &Vector3<f64>| (m - mean).norm() <= OUTLIER * deviation_ut.norm();
     let refuse = |why: EllipsoidError| {
         // The usual cause is that it was not turned enough, and a person can do better.
-        let (middle, _) = extent(readings, sane);
-        let mut seen = Coverage::default();
-        for reading in readings.iter().filter(|m| sane(m)) {
-            seen.add(&(reading - middle));
-        }
-        if seen.share() < LEAST_COVERAGE {
-            EllipsoidError::Coverage { share: seen.share() }
-        } else {
-            why
-        }
+        let share = Coverage::about_middle(readings.iter().filter(|m| sane(m))).share();
+        if share < LEAST_COVERAGE { EllipsoidError::Coverage { share } } else { why }
     };
     let (mut correction, mut strength) =
         sphere(readings, sane).ok_or_else(|| refuse(EllipsoidError::NoEllipsoid))?;
-    let first = deviation(readings, &correction, strength, sane);
+    let first = correction.deviation(readings.iter().filter(|m| sane(m)), strength);
     let rough = (correction, strength);
     let near = |m: &Vector3<f64>| {
         (rough.0.apply(m).norm() - rough.1).abs() <= OUTLIER * first.max(f64::MIN_POSITIVE)
@@ -145,12 +137,10 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
     if let Some((finer, radius)) = sphere(readings, near) {
         (correction, strength) = (finer, radius);
     }
-    let residual = deviation(readings, &correction, strength, near);
-    let used = readings.iter().filter(|m| near(m)).count();
-    let mut coverage = Coverage::default();
-    for reading in readings.iter().filter(|m| near(m)) {
-        coverage.add(&correction.apply(reading));
-    }
+    let used = readings.iter().filter(|m| near(m));
+    let residual = correction.deviation(used.clone(), strength);
+    let coverage: Coverage = used.clone().map(|reading| correction.apply(reading)).collect();
+    let used = used.count();
     if coverage.share() < LEAST_COVERAGE {
         return Err(EllipsoidError::Coverage { share: coverage.share() });
     }
@@ -216,30 +206,16 @@ fn dip_sine(rotation: &Rotation3<f64>, (up, field): &(Vector3<f64>, Vector3<f64>
     -up.normalize().dot(&(rotation * field.normalize()))
 }
 
-/// The middle of the ranges of the readings that are `wanted`, and the largest distance from it.
-fn extent(
-    readings: &[Vector3<f64>],
-    wanted: impl Fn(&Vector3<f64>) -> bool,
-) -> (Vector3<f64>, f64) {
-    let wanted = || readings.iter().filter(|m| wanted(m));
-    let Some(first) = wanted().next() else {
-        return (Vector3::zeros(), 0.0);
-    };
-    let (low, high) = wanted().fold((*first, *first), |(low, high), m| (low.inf(m), high.sup(m)));
-    let middle = (low + high) / 2.0;
-    let size = wanted().map(|m| (m - middle).norm()).fold(0.0, f64::max);
-    (middle, size)
-}
-
 /// The ellipsoid through the readings that are `wanted`: its correction and its mean radius.
 fn sphere(
     readings: &[Vector3<f64>],
     wanted: impl Fn(&Vector3<f64>) -> bool,
 ) -> Option<(Correction, f64)> {
     // About their middle, and in units of their size, so that the equations are of the same size.
-    let (middle, size) = extent(readings, &wanted);
+    let wanted = readings.iter().filter(|m| wanted(m));
+    let (middle, size) = extent(wanted.clone());
     let (mut normal, mut right) = (Matrix9::zeros(), Vector9::zeros());
-    for reading in readings.iter().filter(|m| wanted(m)) {
+    for reading in wanted {
         let m = (reading - middle) / size;
         let row = Vector9::from([
             m.x * m.x,
@@ -272,21 +248,6 @@ fn sphere(
     let radius = 1.0 / libm::cbrt(root.determinant());
     let correction = Correction { offset: middle + centre * size, matrix: root * radius };
     Some((correction, radius * size))
-}
-
-fn deviation(
-    readings: &[Vector3<f64>],
-    correction: &Correction,
-    strength: f64,
-    wanted: impl Fn(&Vector3<f64>) -> bool,
-) -> f64 {
-    let (mut squares, mut count) = (0.0, 0.0);
-    for reading in readings.iter().filter(|m| wanted(m)) {
-        let off = correction.apply(reading).norm() - strength;
-        squares += off * off;
-        count += 1.0;
-    }
-    libm::sqrt(squares / f64::max(count, 1.0))
 }
 
 #[cfg(test)]

@@ -63,12 +63,15 @@ pub struct Found {
 }
 
 impl Found {
+    /// What a fit has found; otherwise keeps why not.
+    fn or_refused<T>(&mut self, fitted: Result<T, impl ToString>) -> Option<T> {
+        fitted.map_err(|why| self.refused.push(why.to_string())).ok()
+    }
+
     /// Correction of the gyroscope.
     pub fn gyr(&self) -> Correction {
-        Correction {
-            offset: self.rest.map_or(Vector3::zeros(), |rest| rest.bias),
-            matrix: Matrix3::identity(),
-        }
+        let offset = self.rest.map_or(Vector3::zeros(), |rest| rest.bias);
+        Correction { offset, ..Correction::NONE }
     }
 
     /// Correction of the accelerometer.
@@ -95,24 +98,17 @@ pub fn fit(readings: &Readings, wanted: &Wanted) -> Found {
         Err(_) => {}
     }
     if wanted.has(Sensor::Acc) {
-        match poses::fit(&stillness::forces(samples, &rests), wanted.gravity) {
-            Ok(poses) => found.poses = Some(poses),
-            Err(why) => found.refused.push(why.to_string()),
-        }
+        let poses = poses::fit(&stillness::forces(samples, &rests), wanted.gravity);
+        found.poses = found.or_refused(poses);
     }
     if wanted.has(Sensor::Mag) {
-        match ellipsoid::fit(&readings.fields()) {
-            Ok(ellipsoid) => found.ellipsoid = Some(ellipsoid),
-            Err(why) => found.refused.push(why.to_string()),
-        }
+        found.ellipsoid = found.or_refused(ellipsoid::fit(&readings.fields()));
     }
     turn_by_gravity(&mut found, readings, wanted.gravity);
     check_polarity(&mut found, readings, wanted.gravity);
     if let Some(level) = level_rest(readings, &rests, wanted) {
-        match level {
-            Ok(force) => found.mount = Some(level::mount(&found.acc().apply(&force))),
-            Err(why) => found.refused.push(why),
-        }
+        let force = found.or_refused(level);
+        found.mount = force.map(|force| level::mount(&found.acc().apply(&force)));
     }
     found
 }
@@ -147,11 +143,9 @@ fn level_rest(
 
 /// The bias out of the longest rest; where there is none, the reason in the recording's beginning.
 fn tombstone(samples: &[Sample]) -> Result<Rest, rest::RestError> {
-    let longest = stillness::find(samples, 0.0)
-        .into_iter()
-        .max_by(|a, b| stillness::length_s(samples, a).total_cmp(&stillness::length_s(samples, b)));
-    let longest = longest.unwrap_or(0..0);
-    let short = rest::bias(&samples[longest]);
+    let rests = stillness::find(samples, 0.0).into_iter().map(|range| &samples[range]);
+    let longest = rests.max_by(|a, b| stillness::length_s(a).total_cmp(&stillness::length_s(b)));
+    let short = rest::bias(longest.unwrap_or_default());
     if let Err(rest::RestError::Short { .. }) = short {
         let until = samples.partition_point(|m| m.time_s <= 2.0 * LEAST_S);
         if let Err(motion @ rest::RestError::Motion { .. }) = rest::bias(&samples[..until]) {

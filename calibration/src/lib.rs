@@ -71,6 +71,21 @@ impl Correction {
     pub fn apply(&self, reading: &Vector3<f64>) -> Vector3<f64> {
         self.matrix * (reading - self.offset)
     }
+
+    /// Root of the mean squared deviation of the corrected readings from `strength`.
+    fn deviation<'a>(
+        &self,
+        readings: impl Iterator<Item = &'a Vector3<f64>>,
+        strength: f64,
+    ) -> f64 {
+        let (mut squares, mut count) = (0.0, 0.0);
+        for reading in readings {
+            let off = self.apply(reading).norm() - strength;
+            squares += off * off;
+            count += 1.0;
+        }
+        libm::sqrt(squares / f64::max(count, 1.0))
+    }
 }
 
 /// Mean of vectors, and the standard deviation along each axis; `None` of nothing.

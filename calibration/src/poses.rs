@@ -165,26 +165,16 @@ pub fn fit(readings: &[Vector3<f64>], gravity: f64) -> Result<Poses, PosesError>
     }
     let correction =
         Correction { offset: offset * gravity, matrix: Matrix3::from_diagonal(&scale) };
-    let residual = off_gravity(readings, &correction, gravity);
+    let residual = correction.deviation(readings.iter(), gravity);
     if residual > LARGEST_RESIDUAL * gravity {
         return Err(PosesError::Residual { residual });
     }
     Ok(Poses {
         correction,
         residual,
-        before: off_gravity(readings, &Correction::NONE, gravity),
+        before: Correction::NONE.deviation(readings.iter(), gravity),
         count,
     })
-}
-
-/// Root of the mean squared deviation from gravity, m/s2.
-fn off_gravity(readings: &[Vector3<f64>], correction: &Correction, gravity: f64) -> f64 {
-    let squared: f64 = readings
-        .iter()
-        .map(|reading| correction.apply(reading).norm() - gravity)
-        .map(|off| off * off)
-        .sum();
-    libm::sqrt(squared / readings.len() as f64)
 }
 
 #[cfg(test)]

@@ -38,6 +38,19 @@ pub enum Tilt {
     Upright,
 }
 
+impl Tilt {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NoseUp => "nose up",
+            Self::NoseDown => "nose down",
+            Self::RightDown => "right side down",
+            Self::LeftDown => "left side down",
+            Self::Upright => "upright",
+        }
+    }
+}
+
 impl Prompt {
     /// Every prompt.
     pub fn all() -> impl Iterator<Item = Self> {
@@ -54,11 +67,8 @@ impl Prompt {
             Self::Pose(face) => format!("calibration: rest it {}", face.name()),
             Self::Turn => "calibration: turn it through all directions".into(),
             Self::Level => "calibration: stand the body level".into(),
-            Self::Tilt(Tilt::NoseUp) => "calibration: tilt the vehicle nose up".into(),
-            Self::Tilt(Tilt::NoseDown) => "calibration: tilt the vehicle nose down".into(),
-            Self::Tilt(Tilt::RightDown) => "calibration: tilt the vehicle right side down".into(),
-            Self::Tilt(Tilt::LeftDown) => "calibration: tilt the vehicle left side down".into(),
             Self::Tilt(Tilt::Upright) => "calibration: hold the vehicle upright".into(),
+            Self::Tilt(way) => format!("calibration: tilt the vehicle {}", way.name()),
             Self::Done => "calibration: done".into(),
         }
     }

@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use crate::{AXES, Sample, spread};
+use crate::{AXES, Sample, spread, stillness};
 
 /// Least length of the test, s: the mean of a gyroscope with 0.014 deg/s/sqrt(Hz) is then good to
 /// 0.005 deg/s.
@@ -81,10 +81,7 @@ pub enum RestError {
 /// # Errors
 /// [`RestError`], where it was no rest.
 pub fn bias(samples: &[Sample]) -> Result<Rest, RestError> {
-    let seconds = match (samples.first(), samples.last()) {
-        (Some(first), Some(last)) => last.time_s - first.time_s,
-        _ => 0.0,
-    };
+    let seconds = stillness::length_s(samples);
     let means = |samples: &[Sample]| {
         Some((
             spread(samples.iter().map(|m| &m.gyr))?,

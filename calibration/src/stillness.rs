@@ -37,7 +37,7 @@ pub fn find(samples: &[Sample], least_s: f64) -> Vec<Range<usize>> {
     found
         .into_iter()
         .filter_map(|range| inner(samples, range))
-        .filter(|range| length_s(samples, range) >= least_s)
+        .filter(|range| length_s(&samples[range.clone()]) >= least_s)
         .collect()
 }
 
@@ -53,9 +53,9 @@ pub fn is_still(samples: &[Sample]) -> bool {
     still(samples).is_some()
 }
 
-/// Length of a range, s.
-pub fn length_s(samples: &[Sample], range: &Range<usize>) -> f64 {
-    match samples[range.clone()] {
+/// Length of a stretch, s.
+pub fn length_s(samples: &[Sample]) -> f64 {
+    match samples {
         [first, .., last] => last.time_s - first.time_s,
         _ => 0.0,
     }
@@ -111,7 +111,7 @@ mod tests {
         let rests = find(&samples, 1.0);
         assert_eq!(rests.len(), 2, "{rests:?}");
         assert!(rests[0].start >= 19 && rests[0].end <= 300);
-        assert!(rests[1].start >= 500 && length_s(&samples, &rests[1]) > 4.0);
+        assert!(rests[1].start >= 500 && length_s(&samples[rests[1].clone()]) > 4.0);
         assert!(find(&samples, 6.0).is_empty());
     }
 }

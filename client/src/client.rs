@@ -52,6 +52,13 @@ pub struct Parameter {
     pub value: f32,
 }
 
+impl Parameter {
+    /// The parameter of this name, with a value.
+    pub fn new(name: impl Into<String>, value: f32) -> Self {
+        Self { name: name.into(), value }
+    }
+}
+
 /// What the vehicle is asked for.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
@@ -100,13 +107,6 @@ struct Pending {
     until: Duration,
     /// When it is repeated, if it is.
     again: Option<Duration>,
-}
-
-impl Pending {
-    fn progress(&mut self, now: Duration) {
-        self.until = now + ANSWER;
-        self.again = Some(now + self.request.interval());
-    }
 }
 
 /// A copy of a command that has not been acknowledged.

@@ -89,13 +89,8 @@ pub struct ServoMap {
 }
 
 impl ServoMap {
-    /// Of the first servo, by the vehicle's parameters.
-    pub fn of(params: &Params) -> Self {
-        Self::of_axis(params, Axis::Pitch)
-    }
-
     /// Of an axis' servo, by the vehicle's parameters.
-    pub fn of_axis(params: &Params, axis: Axis) -> Self {
+    pub fn of(params: &Params, axis: Axis) -> Self {
         let fitting = params.fitting(axis);
         Self::new(fitting.centre_us, params.srv_us_per_deg(), fitting.direction)
     }
@@ -146,12 +141,11 @@ impl StatusTracker {
                     servo_rad: second.angle_rad(m.servo2_raw),
                 });
             }
-            MavMessage::NAMED_VALUE_FLOAT(m) if crate::text(&m.name) == "tilt_sd" => {
-                status.tilt_sd_deg = Some(m.value);
-            }
-            MavMessage::NAMED_VALUE_FLOAT(m) if crate::text(&m.name) == "head_sd" => {
-                status.heading_sd_deg = Some(m.value);
-            }
+            MavMessage::NAMED_VALUE_FLOAT(m) => match crate::text(&m.name) {
+                "tilt_sd" => status.tilt_sd_deg = Some(m.value),
+                "head_sd" => status.heading_sd_deg = Some(m.value),
+                _ => {}
+            },
             MavMessage::SYS_STATUS(m) => {
                 status.health.load = Some(f64::from(m.load) * 1e-3);
                 status.health.dropped = Some(m.errors_count1);

@@ -4,13 +4,18 @@ use mavlink::dialects::common::MavMessage;
 use mavlink::types::CharArray;
 use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Message};
 
-const START: u8 = 0xFD;
-const HEADER: usize = 10;
+/// First byte of a frame.
+pub const START: u8 = 0xFD;
+/// Bytes of a frame before its payload.
+pub const HEADER: usize = 10;
 /// Where a frame has the number of the system that sent it.
 const SYSTEM_AT: usize = 5;
-const CHECKSUM: usize = 2;
-const SIGNATURE: usize = 13;
-const SIGNED: u8 = 1;
+/// Bytes of a frame's checksum.
+pub const CHECKSUM: usize = 2;
+/// Bytes of a frame's signature.
+pub const SIGNATURE: usize = 13;
+/// The flag of a frame that is signed.
+pub const SIGNED: u8 = 1;
 
 /// What has been counted on a wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

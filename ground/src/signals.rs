@@ -13,7 +13,8 @@ pub fn on_signal() -> Result<&'static AtomicBool> {
     Ok(&STOP)
 }
 
-/// Whether a command that has lasted so long shall end: it was told to, or `longest` is over.
-pub fn asked(flag: &AtomicBool, lasted: Duration, longest: Option<Duration>) -> bool {
-    flag.load(Ordering::Relaxed) || longest.is_some_and(|most| lasted >= most)
+/// Whether a command that has lasted so long shall end: it was told to, or so many seconds are over.
+pub fn asked(flag: &AtomicBool, lasted: Duration, longest_s: Option<f64>) -> bool {
+    let is_over = |most_s| lasted >= Duration::from_secs_f64(most_s);
+    flag.load(Ordering::Relaxed) || longest_s.is_some_and(is_over)
 }

@@ -156,8 +156,7 @@ impl GroundStation {
     /// # Errors
     /// Silence, another value, or the rig stopped.
     pub fn set_parameter(&mut self, rig: &mut Rig, name: &str, value: f32) -> Answer {
-        let name = name.to_owned();
-        self.request(rig, Request::Set(Parameter { name, value }))
+        self.request(rig, Request::Set(Parameter::new(name, value)))
     }
 
     /// Asks for all parameters, which are in [`Received::parameters`] afterwards.

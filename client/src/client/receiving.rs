@@ -10,7 +10,7 @@ use tvc_nano::failsafe::RefusalKind;
 use tvc_nano::params::ParamError;
 
 use super::failure::REFUSED;
-use super::{BoardValue, Client, Failure, Parameter, Request};
+use super::{ANSWER, BoardValue, Client, Failure, Parameter, Request};
 use crate::request::{self, Order};
 use crate::text;
 use crate::wire::Frame;
@@ -141,7 +141,7 @@ impl Client {
     }
 
     fn take_parameter(&mut self, now: Duration, row: &PARAM_VALUE_DATA, reason: Option<String>) {
-        let told = Parameter { name: text(&row.param_id).to_owned(), value: row.param_value };
+        let told = Parameter::new(text(&row.param_id), row.param_value);
         self.answer_first(|request| match request {
             Request::Read(name) if *name == told.name => Some(Ok(())),
             Request::Set(wanted) if *wanted == told => Some(Ok(())),
@@ -156,12 +156,9 @@ impl Client {
         let is_new = self.parameters.insert(row.param_index, told).is_none();
         self.parameter_count = Some(row.param_count);
         let complete = self.has_all_parameters();
-        for pending in &mut self.pending {
-            if pending.request == Request::List && is_new {
-                pending.progress(now);
-            }
+        if is_new || complete {
+            self.make_progress(&Request::List, now, None, complete);
         }
-        self.answer_all(|pending| (complete && pending.request == Request::List).then_some(Ok(())));
     }
 
     fn take_recording(&mut self, now: Duration, part: &LOG_DATA_DATA) {
@@ -176,14 +173,21 @@ impl Client {
     /// request.
     fn continue_download(&mut self, now: Duration, again: Option<Duration>) {
         let complete = self.recording_size.is_some_and(|size| self.recording.len() >= size);
-        for pending in &mut self.pending {
-            if pending.request == Request::Download {
-                pending.progress(now);
-                pending.again = again.or(pending.again);
-            }
+        self.make_progress(&Request::Download, now, again, complete);
+    }
+
+    /// What comes in parts is complete, or its time begins anew.
+    fn make_progress(
+        &mut self,
+        request: &Request,
+        now: Duration,
+        again: Option<Duration>,
+        complete: bool,
+    ) {
+        for pending in self.pending.iter_mut().filter(|pending| pending.request == *request) {
+            pending.until = now + ANSWER;
+            pending.again = again.or(Some(now + request.interval()));
         }
-        self.answer_all(|pending| {
-            (complete && pending.request == Request::Download).then_some(Ok(()))
-        });
+        self.answer_all(|pending| (complete && pending.request == *request).then_some(Ok(())));
     }
 }

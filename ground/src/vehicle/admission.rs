@@ -28,13 +28,11 @@ pub enum Commander {
 
 /// Parses an address, or the name of all.
 fn commander(text: &str) -> Result<Commander, String> {
-    if text == ANY {
-        return Ok(Commander::Anybody);
+    match (text, text.parse::<IpAddr>()) {
+        (ANY, _) => Ok(Commander::Anybody),
+        (_, Ok(address)) => Ok(Commander::At(address.to_canonical())),
+        _ => Err(format!("an address is a number such as 192.168.1.20, or {ANY}")),
     }
-    let address = text.parse::<IpAddr>();
-    let address =
-        address.map_err(|_| format!("an address is a number such as 192.168.1.20, or {ANY}"))?;
-    Ok(Commander::At(address.to_canonical()))
 }
 
 impl Admission {

@@ -62,11 +62,7 @@ pub fn disarm(options: &Operate) -> Result<Verdict> {
     let words = fault
         .as_ref()
         .map_or_else(|| state.clone(), |fault| format!("disarmed; fault remains: {fault}"));
-    let figures = Figures::from([
-        figure("state", state),
-        figure("fault", fault.map(|fault| fault.to_string())),
-        note(words),
-    ]);
+    let figures = Figures::from([figure("state", state), figure("fault", fault), note(words)]);
     figures.conclude(options.vehicle.json, None)
 }
 

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use bossac::Bossac;
 use clap::Args;
 use rig::image::IMAGE_ADDRESS;
@@ -56,15 +56,9 @@ pub struct Flash {
     pub uf2: Option<PathBuf>,
 }
 
-impl Flash {
-    fn writes_files(&self) -> bool {
-        self.elf.is_some() || self.bin.is_some() || self.uf2.is_some()
-    }
-}
-
 /// Writes the image where `options` say.
 pub fn run(options: &Flash) -> Result<Verdict> {
-    if options.writes_files() {
+    if options.elf.is_some() || options.bin.is_some() || options.uf2.is_some() {
         options.uf2.as_deref().map(check_drive).transpose()?;
         return write_files(options, &options.image.firmware()?);
     }
@@ -73,11 +67,10 @@ pub fn run(options: &Flash) -> Result<Verdict> {
     let bossac = Bossac::find()?;
     let image = options.image.image()?;
     if image.address() != IMAGE_ADDRESS {
-        return Err(BadInput::new(format!(
+        bail!(BadInput::new(format!(
             "the image is linked at 0x{:X}, in the bootloader's place: only a debug probe writes it",
             image.address()
-        ))
-        .into());
+        )));
     }
     let port = bootloader::enter(&port)?;
     bootloader::wait_until_open(&port)?;
@@ -91,13 +84,11 @@ fn write_files(options: &Flash, firmware: &Firmware) -> Result<Verdict> {
     let say = |path: &Path| {
         eprintln!("wrote {}: {} bytes of image for 0x{address:04X}", path.display(), bytes.len());
     };
-    if let Some(path) = &options.elf {
-        write_whole(path, &firmware.elf)?;
-        say(path);
-    }
-    if let Some(path) = &options.bin {
-        write_whole(path, bytes)?;
-        say(path);
+    for (path, content) in [(&options.elf, &*firmware.elf), (&options.bin, bytes)] {
+        if let Some(path) = path {
+            write_whole(path, content)?;
+            say(path);
+        }
     }
     if let Some(path) = &options.uf2 {
         let path = if path.is_dir() { path.join("tvc-nano.uf2") } else { path.clone() };
@@ -115,11 +106,10 @@ fn write_files(options: &Flash, firmware: &Firmware) -> Result<Verdict> {
 /// A drive that is not there would become a file of its name.
 fn check_drive(path: &Path) -> Result<()> {
     if path.extension().is_none() && !path.exists() {
-        return Err(BadInput::new(format!(
+        bail!(BadInput::new(format!(
             "there is no drive {}: tap the reset button twice; a file is named FILE.uf2",
             path.display()
-        ))
-        .into());
+        )));
     }
     Ok(())
 }

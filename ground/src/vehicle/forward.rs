@@ -5,21 +5,18 @@ pub mod gate;
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
-use std::time::Duration;
 
 use anyhow::{Context, Result};
 use clap::Args;
 use client::StatusTracker;
 use mavlink::dialects::common::MavMessage;
 
-use crate::cli::TOOL;
 use crate::signals;
 use crate::vehicle::admission::Admission;
 use crate::vehicle::link::{Link, Vehicle};
 use crate::vehicle::monitor::servo_maps;
 use crate::vehicle::port::PortOptions;
 use crate::vehicle::signing::Signing;
-use flights::log::Writer;
 use gate::Gate;
 use report::arguments::seconds;
 use report::exit::Verdict;
@@ -91,8 +88,7 @@ pub fn run(options: &Forward) -> Result<Verdict> {
     let mut vehicle = Vehicle::at(Link::open_live(&options.port)?.0.without_heartbeat())?;
     let mut tracker = StatusTracker::new(servo_maps(&mut vehicle)?);
     if let Some(log) = &options.log {
-        vehicle.link().log_to(Writer::create(log, TOOL)?);
-        vehicle.parameters()?;
+        vehicle.keep_log(log)?;
     }
     let station = socket(options.to)?;
     let plot = socket(options.plot)?;
@@ -103,9 +99,8 @@ pub fn run(options: &Forward) -> Result<Verdict> {
         options.plot
     );
     let begun = vehicle.now();
-    let longest = options.seconds.map(Duration::from_secs_f64);
     let mut datagram = [0; DATAGRAM];
-    while !signals::asked(stop, vehicle.now() - begun, longest) {
+    while !signals::asked(stop, vehicle.now() - begun, options.seconds) {
         for frame in vehicle.receive()? {
             // An error here means that nobody listens yet; somebody may later.
             let _ = station.send_to(&gate.outgoing(frame.bytes.clone()), options.to);

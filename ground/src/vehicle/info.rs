@@ -10,6 +10,7 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::cli::TOOL;
+use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::machine::{Access, Program, access, holders, is_running, names};
 use crate::vehicle::port::{self, Life, PortOptions, VehicleOptions};
 use crate::{config, image};
@@ -110,7 +111,8 @@ fn look(options: &PortOptions) -> Found {
         let port = found.port.insert(port);
         // Two programs at one port take each other's bytes.
         next::obstacle(port).map_or(Ok(()), Err)?;
-        vehicle::ask(options, found.image.as_ref().map(|image| &*image.build))
+        let image = found.image.as_ref().map(|image| &*image.build);
+        vehicle::ask(&mut Vehicle::connect(options)?, image)
     });
     match told {
         Ok(told) => found.vehicle = Some(told),
@@ -154,7 +156,7 @@ fn figures(found: &Found, standing: Standing, next: &str) -> Figures {
         figure("problem", found.problem.as_deref()),
         data("standing", &standing),
         figure("next", next),
-        note(format!("{standing}: {next}")),
+        note(format!("{}: {next}", standing.words())),
     ]);
     Figures::from(figures)
 }

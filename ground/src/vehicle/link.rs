@@ -1,12 +1,13 @@
 //! The vehicle at the other end of a port, for every command that talks to it.
 
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
 use anyhow::{Error, Result, anyhow, bail};
 use client::request::Order;
-use client::{Client, Failure, Frame, Parameter, Request, StateKind, request};
+use client::{Client, Failure, Frame, Parameter, Request, StateKind, Ticket, request};
 use mavlink::dialects::common::MavMessage;
 
 use crate::cli::TOOL;
@@ -74,8 +75,7 @@ impl Link {
         self.log = Some(log);
         self.client.send(&request::status_text(TOOL));
         // Its answer is for the log alone.
-        let now = self.now();
-        self.client.request(now, Request::Order(request::VERSION));
+        self.request(Request::Order(request::VERSION));
     }
 
     /// Whether a log is kept; not after one could not be written.
@@ -99,6 +99,12 @@ impl Link {
     /// The client. What it is asked to send goes out with the next [`Link::flush`].
     pub fn client(&mut self) -> &mut Client {
         &mut self.client
+    }
+
+    /// Asks the vehicle; the [client](Self::client) has the answer later.
+    pub fn request(&mut self, request: Request) -> Ticket {
+        let now = self.now();
+        self.client.request(now, request)
     }
 
     /// The time by the clock of client and vehicle.
@@ -274,8 +280,7 @@ impl Vehicle {
     /// # Errors
     /// [`BadInput`] with the vehicle's reason if it keeps another value; silence.
     pub fn set_parameter(&mut self, name: &str, value: f32) -> Result<()> {
-        let name = name.to_owned();
-        self.request(Request::Set(Parameter { name, value }), &mut |_| {})
+        self.request(Request::Set(Parameter::new(name, value)), &mut |_| {})
     }
 
     /// One parameter's value.
@@ -297,6 +302,16 @@ impl Vehicle {
         Ok(self.link.client.parameters().cloned().collect())
     }
 
+    /// Keeps every frame, both ways, in a new log; also asks for every parameter, so that the log can
+    /// be replayed.
+    ///
+    /// # Errors
+    /// The log cannot be written; silence.
+    pub fn keep_log(&mut self, path: &Path) -> Result<()> {
+        self.link.log_to(Writer::create(path, TOOL)?);
+        self.parameters().map(drop)
+    }
+
     /// What the vehicle's recorder holds of the last release; nothing if it holds none.
     ///
     /// # Errors
@@ -305,8 +320,7 @@ impl Vehicle {
         let whole = self.now() + RECORDING;
         loop {
             self.request(Request::Download, &mut |_| {})?;
-            let bytes = self.link.client.recording();
-            let bytes = bytes.to_vec();
+            let bytes = self.link.client.recording().to_vec();
             if !bytes.is_empty() || self.now() >= whole {
                 return Ok(bytes);
             }
@@ -331,8 +345,7 @@ impl Vehicle {
                 }
             }
         }
-        let now = self.link.now();
-        let ticket = self.link.client.request(now, request);
+        let ticket = self.link.request(request);
         loop {
             self.receive()?;
             each(self.now());

@@ -13,11 +13,9 @@ use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget};
 use mavlink::dialects::common::MavAutopilot;
 use tvc_nano::{Axis, Params};
 
-use crate::cli::TOOL;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
-use flights::log::Writer;
 use report::arguments::seconds;
 use report::exit::{BadInput, Verdict};
 use report::file::{print, print_json};
@@ -68,18 +66,15 @@ pub fn run(options: &Monitor) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(&options.port)?;
     let mut tracker = StatusTracker::new(servo_maps(&mut vehicle)?);
     if let Some(log) = &options.log {
-        vehicle.link().log_to(Writer::create(log, TOOL)?);
-        // So that the log can be replayed.
-        vehicle.parameters()?;
+        vehicle.keep_log(log)?;
     }
     let terminal = std::io::stdout().is_terminal() && !options.json;
     let mut screen = terminal.then(Screen::new);
     let every = options.every.unwrap_or(if terminal { 0.1 } else { 1.0 });
     let every = Duration::from_secs_f64(every);
     let begun = vehicle.now();
-    let longest = options.seconds.map(Duration::from_secs_f64);
     let mut due = begun + every;
-    while !signals::asked(stop, vehicle.now() - begun, longest) {
+    while !signals::asked(stop, vehicle.now() - begun, options.seconds) {
         for frame in vehicle.receive()? {
             tracker.take(&frame.message);
         }
@@ -116,7 +111,7 @@ pub fn servo_maps(vehicle: &mut Vehicle) -> Result<[ServoMap; Axis::COUNT]> {
         }
     };
     eprintln!("{why} Servo angles are those of tvc-nano's defaults.");
-    Ok([ServoMap::of(&Params::default()); Axis::COUNT])
+    Ok([ServoMap::of(&Params::default(), Axis::Pitch); Axis::COUNT])
 }
 
 /// Whether the vehicle does not know or does not tell what it was asked for.
@@ -218,9 +213,8 @@ impl Screen {
         let old = self.texts.len().saturating_sub(TEXTS);
         self.texts.drain(..old);
         let [state, attitude, link] = lines(status);
-        let pitch = status.attitude_rad[1].to_degrees();
+        let [roll, pitch, _] = status.attitude_rad.map(f64::to_degrees);
         let servo = status.servo_rad.to_degrees();
-        let roll = status.attitude_rad[0].to_degrees();
         let second = status.second_servo.map_or(String::new(), |second| {
             let second = gauge(second.servo_rad.to_degrees());
             format!("  roll {}  second {second}", gauge(roll))

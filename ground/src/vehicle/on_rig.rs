@@ -36,14 +36,12 @@ struct Words {
 /// What is wrong with them.
 pub fn choice(words: &str) -> Result<RigChoice, String> {
     let words = shlex::split(words).ok_or("a quotation mark is missing")?;
-    match Words::try_parse_from(words) {
-        Ok(words) => Ok(words.choice),
-        Err(error) => {
-            let words = error.to_string();
-            let line = words.lines().next().unwrap_or_default();
-            Err(line.trim_start_matches("error: ").to_owned())
-        }
-    }
+    let parsed = Words::try_parse_from(words).map_err(|error| {
+        let words = error.to_string();
+        let line = words.lines().next().unwrap_or_default();
+        line.trim_start_matches("error: ").to_owned()
+    });
+    parsed.map(|words| words.choice)
 }
 
 /// An action that the rig is asked for, and who waits for the answer.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use client::{Parameter, request};
 use serde::Serialize;
 use serde_json::json;
@@ -163,10 +163,9 @@ fn load(
     let unknown: Vec<_> = unknown.into_iter().map(|row| row.name).collect();
     let names = unknown.join(", ");
     if !unknown.is_empty() && !skip_unknown {
-        return Err(BadInput::new(format!(
+        bail!(BadInput::new(format!(
             "the vehicle has no parameter {names}; nothing was changed (--skip-unknown sets the others)"
-        ))
-        .into());
+        )));
     }
     if !unknown.is_empty() {
         eprintln!("the vehicle has no parameter {names}");
@@ -195,10 +194,9 @@ fn load(
 fn defaults(names: &[String]) -> Result<Vec<Parameter>> {
     let default = |name: &String| match Params::default().value(name) {
         Some(value) => Ok(Parameter { name: name.clone(), value }),
-        None => Err(BadInput::new(format!(
+        None => bail!(BadInput::new(format!(
             "this tool knows no parameter {name}; `tvc param list` shows them"
-        ))
-        .into()),
+        ))),
     };
     names.iter().map(default).collect()
 }
@@ -252,22 +250,23 @@ fn dump(vehicle: &mut Vehicle, path: Option<&Path>, json: bool) -> Result<Verdic
 mod tests {
     use super::*;
 
-    fn row(name: &str, value: f32) -> Parameter {
-        Parameter { name: name.into(), value }
-    }
-
     #[test]
     fn differences_are_to_the_file_or_to_the_defaults() {
         let kd = Params::default().pid_kd();
-        let measured = row("CLK_FINE", 512.0);
-        let have = [row("PID_KP", 1.5), row("PID_KD", kd), row("NEW", 7.0), measured];
+        let measured = Parameter::new("CLK_FINE", 512.0);
+        let have = [
+            Parameter::new("PID_KP", 1.5),
+            Parameter::new("PID_KD", kd),
+            Parameter::new("NEW", 7.0),
+            measured,
+        ];
         let names = |differences: Vec<Difference>| -> Vec<(String, f32)> {
             let pairs = differences.into_iter().map(|row| (row.name, row.other));
             pairs.collect()
         };
         let default = Params::default().pid_kp();
         assert_eq!(names(differences(&have, None)), [("PID_KP".to_owned(), default)]);
-        let file = [row("PID_KD", 0.2), row("PID_KP", 1.5)];
+        let file = [Parameter::new("PID_KD", 0.2), Parameter::new("PID_KP", 1.5)];
         assert_eq!(names(differences(&have, Some(&file))), [("PID_KD".to_owned(), 0.2)]);
     }
 
@@ -276,7 +275,7 @@ mod tests {
     fn a_value_that_did_not_stay_is_missed() {
         use crate::vehicle::calibrate::write::tests::{rows, vehicle};
         let has = rows([("SRV_CENTRE_US", 1520.0), ("SRV_DIR", 1.0), ("PID_KP", 1.0)]);
-        let wanted = [row("SRV_CENTRE_US", 1500.0), row("SRV_DIR", -1.0)];
+        let wanted = [Parameter::new("SRV_CENTRE_US", 1500.0), Parameter::new("SRV_DIR", -1.0)];
         for (forgets, verdict) in [("SRV_CENTRE_US", Verdict::Missed), ("PID_KP", Verdict::Met)] {
             let (mut vehicle, thread) = vehicle(has.clone(), forgets);
             let loaded = load(&mut vehicle, wanted.to_vec(), false, true);

@@ -7,7 +7,7 @@ use std::io::{self, ErrorKind};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Error, Result, anyhow, bail};
 use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType, UsbPortInfo};
 
 use crate::flight::rig::RigChoice;
@@ -96,36 +96,26 @@ pub fn find(wanted: Option<&str>) -> Result<String> {
     let ports = available()?;
     if let Some(name) = wanted {
         // A port may exist without being listed (a link, or a pseudo-terminal).
-        let there = ports.iter().any(|port| port.port_name == name) || Path::new(name).exists();
-        return if there {
-            Ok(name.to_string())
-        } else {
-            Err(BadInput::new(format!(
-                "no port {name}; {}",
-                match ports.as_slice() {
-                    [] => "no serial port is connected".to_string(),
-                    _ => format!(
-                        "connected: {}",
-                        joined(one_of_each(&ports).map(|port| &*port.port_name))
-                    ),
-                }
-            ))
-            .into())
-        };
+        if ports.iter().any(|port| port.port_name == name) || Path::new(name).exists() {
+            return Ok(name.to_owned());
+        }
+        let names = joined(one_of_each(&ports).map(|port| &*port.port_name));
+        bail!(BadInput::new(match ports.as_slice() {
+            [] => format!("no port {name}; no serial port is connected"),
+            _ => format!("no port {name}; connected: {names}"),
+        }));
     }
     let nanos = nanos(&ports);
     match nanos.as_slice() {
         [nano] => Ok(nano.port.clone()),
-        [] => Err(BadInput::new(
+        [] => bail!(BadInput::new(
             "no Nano found; connect it, double-tap its reset button if it runs other firmware, \
              or name the port with --port",
-        )
-        .into()),
-        _ => Err(BadInput::new(format!(
+        )),
+        _ => bail!(BadInput::new(format!(
             "more than one Nano is connected ({}); choose with --port",
             joined(nanos.iter().map(|nano| &*nano.port))
-        ))
-        .into()),
+        ))),
     }
 }
 
@@ -135,13 +125,13 @@ pub fn find(wanted: Option<&str>) -> Result<String> {
 /// [`BadInput`]; also for a port that is not a Nano's.
 pub fn find_nano(wanted: Option<&str>) -> Result<Nano> {
     let port = find(wanted)?;
-    nano_at(&port, &available()?).ok_or_else(|| {
-        BadInput::new(format!(
+    let Some(nano) = nano_at(&port, &available()?) else {
+        bail!(BadInput::new(format!(
             "{port} is not a Nano 33 IoT: its USB ids are neither those of the firmware \
              ({VENDOR:04x}:{FIRMWARE:04x}) nor of the bootloader ({VENDOR:04x}:{BOOTLOADER:04x})"
-        ))
-        .into()
-    })
+        )));
+    };
+    Ok(nano)
 }
 
 /// What runs on the Nano behind a port's name; `None` if it is none.
@@ -194,8 +184,8 @@ impl Port {
         Self { port, name, begun }
     }
 
-    fn gone(&self, error: &io::Error) -> anyhow::Error {
-        anyhow::anyhow!("{} went away: unplugged, or the rig has ended ({error})", self.name)
+    fn gone(&self, error: &io::Error) -> Error {
+        anyhow!("{} went away: unplugged, or the rig has ended ({error})", self.name)
     }
 }
 
@@ -210,11 +200,8 @@ impl Way for Port {
 
     fn read(&mut self, patience: Duration) -> Result<Vec<u8>> {
         let mut bytes = vec![0; 4096];
-        let read = self
-            .port
-            .set_timeout(patience.max(Duration::from_millis(1)))
-            .map_err(io::Error::from)
-            .and_then(|()| self.port.read(&mut bytes));
+        let timeout = self.port.set_timeout(patience.max(Duration::from_millis(1)));
+        let read = timeout.map_err(io::Error::from).and_then(|()| self.port.read(&mut bytes));
         match read {
             Ok(0) => bail!("{} went away: unplugged, or the rig has ended", self.name),
             Ok(count) => {
@@ -228,17 +215,13 @@ impl Way for Port {
 
     fn write(&mut self, bytes: &[u8]) -> Result<()> {
         let timeout = self.port.set_timeout(Duration::from_secs(1));
-        timeout.map_err(io::Error::from).and_then(|()| self.port.write_all(bytes)).map_err(
-            |error| match error.kind() {
-                ErrorKind::TimedOut => {
-                    anyhow::anyhow!(
-                        "{} takes no more data: does the firmware still run?",
-                        self.name
-                    )
-                }
-                _ => self.gone(&error),
-            },
-        )
+        let written = timeout.map_err(io::Error::from).and_then(|()| self.port.write_all(bytes));
+        written.map_err(|error| match error.kind() {
+            ErrorKind::TimedOut => {
+                anyhow!("{} takes no more data: does the firmware still run?", self.name)
+            }
+            _ => self.gone(&error),
+        })
     }
 
     fn reopen(&mut self) -> Result<()> {

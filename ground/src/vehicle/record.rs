@@ -2,11 +2,11 @@
 //! last release from the vehicle's own memory.
 
 use std::path::PathBuf;
-use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
-use client::request;
+use client::state::state_of;
+use client::{StateKind, request};
 use serde_json::json;
 
 use crate::cli::TOOL;
@@ -14,7 +14,7 @@ use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::VehicleOptions;
 use crate::vehicle::recorder;
-use flights::log::{Flight, Writer, write_csv};
+use flights::log::{Event, Flight, write_csv, write_flight};
 use report::arguments::seconds;
 use report::exit::{BadInput, Verdict};
 use report::file::print_json;
@@ -65,14 +65,13 @@ pub struct Record {
 /// The log cannot be written, there is no vehicle, or it went away.
 pub fn run(options: &Record) -> Result<Verdict> {
     if options.last {
-        return recorder::fetch(&options.vehicle.port, &options.log, options.vehicle.json);
+        return fetch(options);
     }
     let name = options.log.to_string_lossy();
     kind::new_log(&name).map_err(|why| BadInput::new(format!("{name}: {why}")))?;
     let stop = signals::on_signal()?;
     let mut vehicle = Vehicle::connect(&options.vehicle.port)?;
-    vehicle.link().log_to(Writer::create(&options.log, TOOL)?);
-    vehicle.parameters()?;
+    vehicle.keep_log(&options.log)?;
     if let Err(refusal) = vehicle.command(request::CALIBRATE) {
         eprintln!(
             "the log begins in mid-flight, a replay cannot be compared bit for bit: {refusal}"
@@ -80,9 +79,8 @@ pub fn run(options: &Record) -> Result<Verdict> {
     }
     let bar = spinner("{spinner} recording {elapsed}  {msg}");
     let begun = vehicle.now();
-    let longest = options.seconds.map(Duration::from_secs_f64);
     let mut gone = None;
-    while !signals::asked(stop, vehicle.now() - begun, longest) {
+    while !signals::asked(stop, vehicle.now() - begun, options.seconds) {
         if let Err(error) = vehicle.receive() {
             // What has been recorded is kept.
             gone = Some(error);
@@ -108,4 +106,35 @@ pub fn run(options: &Record) -> Result<Verdict> {
         eprintln!("wrote {}", path.display());
     }
     gone.map_or(Ok(Verdict::Met), Err)
+}
+
+/// Downloads the steps around the last release and writes them.
+///
+/// # Errors
+/// No vehicle, no release in its memory, or a file that cannot be written.
+fn fetch(options: &Record) -> Result<Verdict> {
+    let mut vehicle = Vehicle::connect(&options.vehicle.port)?;
+    let bytes = vehicle.recording()?;
+    if bytes.is_empty() {
+        bail!(BadInput::new(
+            "the vehicle holds no release: it keeps one from a second after it until it is armed again or loses power",
+        ));
+    }
+    let flight = recorder::flight(&bytes, vehicle.parameters()?)?;
+    write_flight(&flight, &options.log, TOOL)?;
+    let (steps, missed) = (flight.steps().count(), flight.missed());
+    let before = flight
+        .events
+        .iter()
+        .take_while(|event| !matches!(event, Event::State(code) if state_of(*code) == Some(StateKind::Active)))
+        .filter(|event| matches!(event, Event::Step(_)))
+        .count();
+    if options.vehicle.json {
+        print_json(&json!({ "steps": steps, "before_release": before, "missed": missed }))?;
+    }
+    eprintln!(
+        "wrote {}: {steps} control steps, {before} of them before the release, {missed} without a sample",
+        options.log.display()
+    );
+    Ok(Verdict::Met)
 }

@@ -1,53 +1,11 @@
-//! Downloads the steps around the last release from the vehicle's own memory.
-
-use std::path::Path;
+//! The steps around the last release, as the vehicle keeps them in its own memory.
 
 use anyhow::{Result, bail};
-use client::state::state_of;
-use client::{Parameter, StateKind};
+use client::Parameter;
 use tvc_nano::recorder::{self, STEP_BYTES};
 use tvc_nano::{Axis, Micros, PulseUs, RawSample};
 
-use crate::cli::TOOL;
-use crate::vehicle::link::Vehicle;
-use crate::vehicle::port::PortOptions;
-use flights::log::{Event, Flight, Step, whole_us, write_flight};
-use report::exit::{BadInput, Verdict};
-use report::file::print_json;
-
-/// Downloads the recording and writes it.
-///
-/// # Errors
-/// No vehicle, no release in its memory, or a file that cannot be written.
-pub fn fetch(port: &PortOptions, file: &Path, json: bool) -> Result<Verdict> {
-    let mut vehicle = Vehicle::connect(port)?;
-    let bytes = vehicle.recording()?;
-    if bytes.is_empty() {
-        return Err(BadInput::new(
-            "the vehicle holds no release: it keeps one from a second after it until it is armed again or loses power",
-        )
-        .into());
-    }
-    let flight = flight(&bytes, vehicle.parameters()?)?;
-    write_flight(&flight, file, TOOL)?;
-    let (steps, missed) = (flight.steps().count(), flight.missed());
-    let before = flight
-        .events
-        .iter()
-        .take_while(|event| !matches!(event, Event::State(code) if state_of(*code) == Some(StateKind::Active)))
-        .filter(|event| matches!(event, Event::Step(_)))
-        .count();
-    if json {
-        print_json(
-            &serde_json::json!({ "steps": steps, "before_release": before, "missed": missed }),
-        )?;
-    }
-    eprintln!(
-        "wrote {}: {steps} control steps, {before} of them before the release, {missed} without a sample",
-        file.display()
-    );
-    Ok(Verdict::Met)
-}
+use flights::log::{Event, Flight, Step, whole_us};
 
 /// The recorder's bytes as a flight, with the vehicle's present parameters.
 ///

@@ -48,9 +48,7 @@ pub struct Release {
 /// Nobody to ask; no vehicle, one that is not armed, its refusal, or a failsafe.
 pub fn run(options: &Release) -> Result<Verdict> {
     if !options.yes && !is_attended() {
-        return Err(
-            BadInput::new("nobody can be asked here: --yes releases without a question").into()
-        );
+        bail!(BadInput::new("nobody can be asked here: --yes releases without a question"));
     }
     let stop = signals::on_signal()?;
     let mut vehicle = Watched::new(Vehicle::connect(&options.vehicle.port)?);
@@ -68,8 +66,7 @@ pub fn run(options: &Release) -> Result<Verdict> {
         return Ok(Verdict::Missed);
     }
     vehicle.begin(stop);
-    let longest = options.seconds.map(Duration::from_secs_f64);
-    let released = release(&mut vehicle, |lasted| signals::asked(stop, lasted, longest));
+    let released = release(&mut vehicle, |lasted| signals::asked(stop, lasted, options.seconds));
     let seconds = vehicle.leave(released)?;
     let words = format!("in control for {seconds:.1} s, then disarmed");
     Figures::from([figure("seconds", seconds), note(words)]).conclude(options.vehicle.json, None)

@@ -9,6 +9,7 @@ use std::io::Read;
 use std::path::Path;
 
 use anyhow::Result;
+use client::wire::{CHECKSUM, HEADER, SIGNATURE, SIGNED, START};
 use mavlink::dialects::common::MavMessage;
 use mavlink::{MAVLinkV2MessageRaw, Message, SigningConfig, SigningData, calculate_crc};
 
@@ -18,15 +19,8 @@ use report::exit::BadInput;
 const KEY: usize = 32;
 /// Bytes that `mavlink` has for a frame: the longest, of a form that the vehicle does not know.
 const LONGEST: usize = 283;
-/// First byte of a frame.
-const START: u8 = 0xFD;
-/// Bytes of a frame before its payload, of its checksum and of its signature.
-const HEADER: usize = 10;
-const CHECKSUM: usize = 2;
-const SIGNATURE: usize = 13;
-/// Where a frame has its flags, and the one that says that it is signed.
+/// Where a frame has its flags.
 const FLAGS_AT: usize = 2;
-const SIGNED: u8 = 1;
 /// Which of the links of a station this one is: there is no other.
 const LINK: u8 = 0;
 

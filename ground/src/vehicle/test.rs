@@ -10,7 +10,6 @@ use client::state::is_in_operation;
 use client::{Failure, RefusalKind, StateKind, request};
 use tvc_nano::Axis;
 
-use crate::cli::TOOL;
 use crate::logs::report::{conclude, figures, sweep};
 use crate::signals;
 use crate::vehicle::link::Vehicle;
@@ -18,7 +17,7 @@ use crate::vehicle::port::VehicleOptions;
 use crate::vehicle::watch::Watched;
 use flights::arguments::AxisName;
 use flights::figures::response;
-use flights::log::{Flight, Release, Writer};
+use flights::log::{Flight, Release};
 use report::arguments::{number, seconds};
 use report::exit::Verdict;
 use report::kind;
@@ -131,14 +130,8 @@ const ARM_RETRY: Duration = Duration::from_millis(500);
 const ARMED: Duration = Duration::from_millis(250);
 /// Time upright before the set point begins to swing.
 const SETTLE: Duration = Duration::from_secs(3);
-/// The parameter with an axis' set point.
-fn set_point(axis: Axis) -> &'static str {
-    match axis {
-        Axis::Pitch => "PITCH_SET_DEG",
-        Axis::Roll => "ROLL_SET_DEG",
-    }
-}
-
+/// The parameters with the set points, by axis.
+const SET_POINTS: [&str; Axis::COUNT] = ["PITCH_SET_DEG", "ROLL_SET_DEG"];
 /// Time between two set points.
 const SET_PERIOD: Duration = Duration::from_millis(20);
 /// Without a heartbeat for so long the vehicle counts as gone; it sends one a second.
@@ -184,13 +177,9 @@ impl Stage<'_> {
 pub fn run(options: &Test) -> Result<Verdict> {
     let stop = signals::on_signal()?;
     let folder = tempfile::tempdir().context("making a temporary folder")?;
-    let log: PathBuf = match &options.log {
-        Some(path) => path.clone(),
-        None => folder.path().join("test.tlog"),
-    };
+    let log = options.log.clone().unwrap_or_else(|| folder.path().join("test.tlog"));
     let mut vehicle = Watched::new(Vehicle::connect(&options.vehicle.port)?);
-    vehicle.link().log_to(Writer::create(&log, TOOL)?);
-    vehicle.parameters()?;
+    vehicle.keep_log(&log)?;
     if vehicle.state().is_some_and(is_in_operation) {
         bail!("the vehicle is not in standby: `tvc disarm` first");
     }
@@ -270,7 +259,7 @@ pub fn fly(
             Ok(())
         });
     };
-    let set_point = set_point(axis);
+    let set_point = SET_POINTS[axis.index()];
     let before = vehicle.parameter(set_point)?;
     vehicle.put_back_later(set_point, before);
     watch(vehicle, SETTLE, &mut |_, time| {
@@ -292,13 +281,6 @@ pub fn fly(
     })
 }
 
-/// Whether the vehicle may accept the same order a little later: not where the polarity check is
-/// missing.
-fn is_worth_waiting(refusal: &Error) -> bool {
-    let failure = refusal.downcast_ref::<Failure>();
-    failure.and_then(Failure::refusal) != Some(RefusalKind::Polarity)
-}
-
 /// Arms the vehicle as soon as it says that it may be armed, to which no word of refusal is told;
 /// `wait` is called meanwhile, with why it may not.
 ///
@@ -312,7 +294,9 @@ pub fn arm(vehicle: &mut Vehicle, wait: &mut dyn FnMut(&str)) -> Result<()> {
         };
         let kind = refusal.downcast_ref().and_then(Failure::refusal);
         // A refusal without a reason is of a firmware that does not know the question.
-        let Some(why) = kind.filter(|_| is_worth_waiting(&refusal) && vehicle.now() <= end) else {
+        // Where the polarity check is missing, waiting does not help.
+        let is_worth_waiting = |why: &RefusalKind| *why != RefusalKind::Polarity;
+        let Some(why) = kind.filter(is_worth_waiting).filter(|_| vehicle.now() <= end) else {
             break;
         };
         let (why, again) = (why.to_string(), vehicle.now() + ARM_RETRY);

@@ -57,9 +57,7 @@ impl Watched {
 
     /// The parameter gets this value at the end.
     pub fn put_back_later(&mut self, name: &str, value: f32) {
-        let name = name.to_owned();
-        let rows = self.put_back.get_or_insert_default();
-        rows.push(Parameter { name, value });
+        self.put_back.get_or_insert_default().push(Parameter::new(name, value));
     }
 
     /// Leaves the vehicle neutral, after `done`, and puts the parameters back, the newest first.

@@ -19,7 +19,7 @@ use report::plot::{Line, Plot};
 
 /// The whole page.
 pub fn render(log: &Path, flight: &Flight, figures: &Figures) -> Result<String> {
-    let servo = ServoMap::of(&flight.parameters());
+    let servo = ServoMap::of(&flight.parameters(), Axis::Pitch);
     let mut parts = vec![whole(flight, &servo)?];
     for (index, release) in flight.releases().iter().enumerate() {
         parts.push(html! { h2 { "Release " (index + 1) } });
@@ -119,7 +119,7 @@ fn whole(flight: &Flight, servo: &ServoMap) -> Result<Markup> {
 
 /// An axis in a release: its angle, and what its servo was commanded.
 fn one(release: &Release, axis: Axis) -> Result<Markup> {
-    let servo = ServoMap::of_axis(&release.params, axis);
+    let servo = ServoMap::of(&release.params, axis);
     let motion = release.motion(axis);
     let degrees = |(time, angle): (f64, f64)| (time, angle.to_degrees());
     let set_rad = release.set_rad(axis);

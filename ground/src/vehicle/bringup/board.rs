@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use client::client::ANSWER;
-use client::request;
+use client::{BoardValue, request};
 use tvc_nano::bringup::words::*;
 use tvc_nano::bringup::{Pulse, What};
 
@@ -132,17 +132,13 @@ pub fn clocks(session: &mut Session) -> Result<Vec<Row>> {
     session.heard = Heard::default();
     let slow_from = session.peek_at(SLOW_COUNT)?;
     let (mut points, mut frames) = (Vec::new(), 0_i64);
-    let mut last: Option<(u32, i64)> = None;
+    let mut last: Option<BoardValue> = None;
     let until = session.now() + WHILE;
     while session.now() < until {
         let told = session.peek_at(USB_FRAME)?;
-        let number = i64::from(told.value >> 3 & 0x7FF);
-        if let Some((time_ms, before)) = last {
-            // 11 bits, which come round every two seconds.
-            let passed = i64::from(told.time_ms - time_ms);
-            frames += passed + (number - before - passed + 1024).rem_euclid(2048) - 1024;
+        if let Some(before) = last.replace(told) {
+            frames += i64::from(told.time_ms - before.time_ms) + lost_ms(before, told);
         }
-        last = Some((told.time_ms, number));
         points.push((f64::from(told.time_ms), frames as f64));
         session.listen(Duration::from_millis(15))?;
     }
@@ -284,11 +280,16 @@ pub fn flash(session: &mut Session) -> Result<Row> {
         // Until then an answer may be taken for that of the one that was lost.
         session.listen(ANSWER)?;
     };
-    let number = |word: u32| i64::from(word >> 3 & 0x7FF);
+    let lost = lost_ms(before, after) as f64;
+    Ok(FLASH.within(lost, LOST_MS, "ms of the processor's time lost"))
+}
+
+/// Frames of USB, each a millisecond, beyond those that the processor's clock has counted between
+/// two looks at [`USB_FRAME`]. The number has 11 bits, which come round every two seconds.
+fn lost_ms(before: BoardValue, after: BoardValue) -> i64 {
+    let number = |look: BoardValue| i64::from(look.value >> 3 & 0x7FF);
     let passed = i64::from(after.time_ms - before.time_ms);
-    let frames = number(after.value) - number(before.value);
-    let lost = (frames - passed + 1024).rem_euclid(2048) - 1024;
-    Ok(FLASH.within(lost as f64, LOST_MS, "ms of the processor's time lost"))
+    (number(after) - number(before) - passed + 1024).rem_euclid(2048) - 1024
 }
 
 /// Of a save at the data sheet's longest times, less what SysTick still counts.
@@ -317,12 +318,10 @@ pub fn stack(session: &mut Session) -> Result<Row> {
     let mut clean = 0;
     while clean < 64 && low > DEEPEST {
         low -= 4;
-        clean = if session.peek(low)? == STACK_PAINT {
-            clean + 1
-        } else {
-            high = low;
-            0
-        };
+        clean += 1;
+        if session.peek(low)? != STACK_PAINT {
+            (high, clean) = (low, 0);
+        }
     }
     let used = f64::from(STACK_TOP - high) / 1024.0;
     Ok(STACK.within(used, 0.0..=9.0, "KB used"))

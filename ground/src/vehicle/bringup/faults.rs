@@ -32,7 +32,7 @@ pub fn usb(session: &mut Session) -> Result<Row> {
         longest = longest.max(took);
         repeated += u32::from(took >= REPEATED);
     }
-    let counts = session.counts();
+    let counts = session.link.client().counts();
     Ok(USB.of(
         "nothing lost",
         format!(
@@ -52,10 +52,7 @@ pub fn usb(session: &mut Session) -> Result<Row> {
 /// The rig stopped.
 pub fn crash(session: &mut Session) -> Result<Row> {
     const EXPECTED: &str = "\"self-check failed: ordered\" after the reset";
-    let back = session.fall(What::FailCheck)?;
-    let row = conclude(session, CRASH, EXPECTED, LatchKind::SelfCheck, back);
-    acknowledge(session)?;
-    Ok(row)
+    fall(session, What::FailCheck, CRASH, EXPECTED, LatchKind::SelfCheck)
 }
 
 /// Hangs on purpose: the watchdog ends it.
@@ -68,35 +65,31 @@ pub fn watchdog(session: &mut Session) -> Result<Row> {
     if control & 2 == 0 {
         return Ok(WATCHDOG.failed(EXPECTED, "it is off"));
     }
-    let back = session.fall(What::Hang)?;
-    let row = conclude(session, WATCHDOG, EXPECTED, LatchKind::Watchdog, back);
-    acknowledge(session)?;
-    Ok(row)
+    fall(session, What::Hang, WATCHDOG, EXPECTED, LatchKind::Watchdog)
 }
 
-fn conclude(
+/// Gives an order that ends in a reset, and looks at what the vehicle latches. That is acknowledged
+/// by disarming, so that the vehicle is as it was.
+fn fall(
     session: &mut Session,
+    order: What,
     check: Check,
     expected: &str,
     latch: LatchKind,
-    back: bool,
-) -> Row {
+) -> Result<Row> {
+    let back = session.fall(order)?;
     let said = session.reason();
-    if !back {
+    let row = if !back {
         check.failed(expected, "the vehicle did not come back by itself")
     } else if session.state_code() == Some(StateCode::Latched(latch)) {
         check.of(expected, said, true)
     } else {
         check.failed(expected, format!("it said \"{said}\""))
-    }
-}
-
-/// A latched fault is acknowledged by disarming, so that the vehicle is as it was.
-fn acknowledge(session: &mut Session) -> Result<()> {
+    };
     if session.state() == Some(StateKind::Latched) {
         let _ = session.order(request::DISARM)?;
         session
             .wait(Duration::from_secs(2), |session| session.state() != Some(StateKind::Latched))?;
     }
-    Ok(())
+    Ok(row)
 }

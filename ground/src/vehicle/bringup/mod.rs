@@ -61,8 +61,8 @@ pub fn run(options: &Bringup) -> Result<Verdict> {
     let hands = !options.no_hands && port.rig.is_none() && is_attended();
     let found = examine(Link::open(port)?, hands)?;
     let met = !found.iter().any(Row::is_missed);
-    let missed = found.iter().filter(|row| row.is_missed());
-    let advice: Vec<String> = missed.map(|row| format!("{}: {}", row.check, row.meaning)).collect();
+    let missed = found.iter().filter(|row| row.is_missed()).map(|row| row.check);
+    let advice: Vec<_> = missed.map(|check| format!("{}: {}", check.name, check.meaning)).collect();
     let figures = Figures::from([rows("rows", found.iter().map(Row::figures)), figure("met", met)]);
     let page = options.report.as_deref().map(|path| {
         let body = html! {

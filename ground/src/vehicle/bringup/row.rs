@@ -22,15 +22,13 @@ pub enum Outcome {
 #[derive(Debug)]
 pub struct Row {
     /// What was looked at.
-    pub check: &'static str,
+    pub check: Check,
     /// What the rig says, or the data sheet.
     pub expected: String,
     /// What was found.
     pub found: String,
     /// How it ended.
     pub result: Outcome,
-    /// What a difference means, and what to do.
-    pub meaning: &'static str,
 }
 
 impl Row {
@@ -48,11 +46,11 @@ impl Row {
             Outcome::Skipped => "skipped",
         };
         [
-            figure("check", self.check).shown("check", "", 0),
+            figure("check", self.check.name).shown("check", "", 0),
             figure("expected", &*self.expected).shown("expected", "", 0),
             figure("found", &*self.found).shown("found", "", 0),
             figure("result", result).shown("result", "", 0),
-            figure("meaning", self.meaning),
+            figure("meaning", self.check.meaning),
         ]
     }
 }
@@ -69,13 +67,7 @@ pub struct Check {
 impl Check {
     /// With its result.
     pub fn row(self, expected: impl Display, found: impl Display, result: Outcome) -> Row {
-        Row {
-            check: self.name,
-            expected: expected.to_string(),
-            found: found.to_string(),
-            result,
-            meaning: self.meaning,
-        }
+        Row { check: self, expected: expected.to_string(), found: found.to_string(), result }
     }
 
     /// Passes if `holds`; otherwise it differs.

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use mavlink::dialects::common::RAW_IMU_DATA;
+use nalgebra::Vector3;
 use tvc_nano::bringup::What;
 
 use super::row::{Check, Row};
@@ -78,7 +79,7 @@ pub fn rows(session: &mut Session) -> Result<Vec<Row>> {
     let rate = session.parameter("SRV_RATE_HZ")?.unwrap_or(50.0);
     let stretch = session.parameter("I2C_STRETCH_US")?;
     let Heard { samples, status, bursts, .. } = &heard;
-    let state = session.link().client().state_name();
+    let state = session.link.client().state_name();
     if samples.len() < 100 {
         let reason = session.reason();
         rows.push(SENSOR.failed("150 samples a second", format!("{state}: {reason}")));
@@ -158,8 +159,8 @@ fn changes(samples: &[RAW_IMU_DATA], of: impl Fn(&RAW_IMU_DATA) -> [i16; 3]) -> 
 /// read at two of three ticks only, so that a part of its refreshes goes unseen: of 100 a second
 /// some 48 to 60 are seen, by the length of the bursts, of 50 some 43.
 fn refresh(samples: &[RAW_IMU_DATA]) -> Row {
-    let acc = changes(samples, |m| [m.xacc, m.yacc, m.zacc]);
-    let gyr = changes(samples, |m| [m.xgyro, m.ygyro, m.zgyro]);
+    let acc = changes(samples, acceleration);
+    let gyr = changes(samples, rate);
     let mag = changes(samples, magnetic);
     REFRESH.of(
         "acc 45 to 105, gyr 80 to 105 Hz (equal readings count as one)",
@@ -168,17 +169,21 @@ fn refresh(samples: &[RAW_IMU_DATA]) -> Row {
     )
 }
 
+fn acceleration(sample: &RAW_IMU_DATA) -> [i16; 3] {
+    [sample.xacc, sample.yacc, sample.zacc]
+}
+
+fn rate(sample: &RAW_IMU_DATA) -> [i16; 3] {
+    [sample.xgyro, sample.ygyro, sample.zgyro]
+}
+
 fn magnetic(sample: &RAW_IMU_DATA) -> [i16; 3] {
     [sample.xmag, sample.ymag, sample.zmag]
 }
 
-fn is_dead(samples: &[RAW_IMU_DATA]) -> bool {
-    samples.iter().all(|sample| magnetic(sample) == [0; 3])
-}
-
 fn field(samples: &[RAW_IMU_DATA]) -> Row {
     const EXPECTED: &str = "15 to 120 uT";
-    if is_dead(samples) {
+    if samples.iter().all(|sample| magnetic(sample) == [0; 3]) {
         return FIELD.failed(EXPECTED, "all readings are zero");
     }
     let norm = |m: &RAW_IMU_DATA| {
@@ -191,8 +196,8 @@ fn field(samples: &[RAW_IMU_DATA]) -> Row {
 }
 
 fn noise(samples: &[RAW_IMU_DATA]) -> Row {
-    let acc = spread(samples, |m| [m.xacc, m.yacc, m.zacc]) / 100.0;
-    let gyr = spread(samples, |m| [m.xgyro, m.ygyro, m.zgyro]) / 16.0;
+    let acc = spread(samples, acceleration) / 100.0;
+    let gyr = spread(samples, rate) / 16.0;
     NOISE.of(
         "acc 0.2 m/s2, gyr 0.6 deg/s at most (standard deviation)",
         format!("acc {acc:.3} m/s2, gyr {gyr:.3} deg/s"),
@@ -236,22 +241,20 @@ pub fn scale(session: &mut Session, hands: bool) -> Result<Row> {
     if at_rest < 50 || samples.len() < before_end + 50 {
         return Ok(SCALE.skipped("needs the sensor"));
     }
-    let acc = |m: &RAW_IMU_DATA| [m.xacc, m.yacc, m.zacc].map(f64::from);
-    let gyr = |m: &RAW_IMU_DATA| [m.xgyro, m.ygyro, m.zgyro].map(|axis| f64::from(axis) / 16.0);
+    let acc = |m: &RAW_IMU_DATA| Vector3::from(acceleration(m)).map(f64::from);
+    let gyr = |m: &RAW_IMU_DATA| Vector3::from(rate(m)).map(f64::from) / 16.0;
     let (from, to) = (mean(&samples[..at_rest], acc), mean(&samples[before_end..], acc));
     let bias = mean(&samples[..at_rest], gyr);
-    let mut turned = [0.0; 3];
-    for (a, b) in samples.iter().zip(samples.iter().skip(1)) {
-        let dt = b.time_usec.wrapping_sub(a.time_usec) as f64 * 1e-6;
-        for axis in 0..3 {
-            turned[axis] += (gyr(b)[axis] - bias[axis]) * dt;
-        }
+    let mut turned = Vector3::zeros();
+    for pair in samples.windows(2) {
+        let dt = pair[1].time_usec.wrapping_sub(pair[0].time_usec) as f64 * 1e-6;
+        turned += (gyr(&pair[1]) - bias) * dt;
     }
-    let tilted = (dot(from, to) / (dot(from, from) * dot(to, to)).sqrt())
+    let tilted = (from.dot(&to) / (from.norm_squared() * to.norm_squared()).sqrt())
         .clamp(-1.0, 1.0)
         .acos()
         .to_degrees();
-    let turned = dot(turned, turned).sqrt();
+    let turned = turned.norm();
     Ok(SCALE.of(
         "as far as gravity, +-3 deg, 60 deg or more",
         format!("gyro {turned:.1} deg, gravity {tilted:.1} deg"),
@@ -259,11 +262,6 @@ pub fn scale(session: &mut Session, hands: bool) -> Result<Row> {
     ))
 }
 
-fn mean(samples: &[RAW_IMU_DATA], of: impl Fn(&RAW_IMU_DATA) -> [f64; 3]) -> [f64; 3] {
-    let n = samples.len().max(1) as f64;
-    [0, 1, 2].map(|axis| samples.iter().map(|m| of(m)[axis]).sum::<f64>() / n)
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+fn mean(samples: &[RAW_IMU_DATA], of: impl Fn(&RAW_IMU_DATA) -> Vector3<f64>) -> Vector3<f64> {
+    samples.iter().map(of).sum::<Vector3<f64>>() / samples.len().max(1) as f64
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use anyhow::{Result, bail};
 use client::request::{self, Order};
-use client::{BoardValue, Failure, LinkCounts, Request, StateCode, StateKind, text};
+use client::{BoardValue, Failure, Request, StateCode, StateKind, text};
 use mavlink::dialects::common::{MavMessage, MavResult, RAW_IMU_DATA, SYS_STATUS_DATA};
 use tvc_nano::bringup::What;
 
@@ -28,7 +28,8 @@ pub struct Heard {
 
 /// A conversation.
 pub struct Session {
-    link: Link,
+    /// The link to the board or the rig.
+    pub link: Link,
     /// What has been heard.
     pub heard: Heard,
     /// Tells one order from another.
@@ -67,16 +68,6 @@ impl Session {
             "" => self.state_code().map_or_else(String::new, |code| code.to_string()),
             words => words.to_owned(),
         }
-    }
-
-    /// What has been counted on the link.
-    pub fn counts(&mut self) -> LinkCounts {
-        self.link.client().counts()
-    }
-
-    /// The link to the board or the rig.
-    pub fn link(&mut self) -> &mut Link {
-        &mut self.link
     }
 
     /// The time by the client's clock.
@@ -150,8 +141,7 @@ impl Session {
     }
 
     fn ask(&mut self, request: Request) -> Result<Result<(), Failure>> {
-        let now = self.now();
-        let ticket = self.link.client().request(now, request);
+        let ticket = self.link.request(request);
         loop {
             self.turn()?;
             if let Some(answer) = self.link.client().answer(ticket) {
@@ -211,10 +201,10 @@ impl Session {
         for _ in 0..5 {
             self.link.client().send(&order.message());
             let heard = self.listen(Duration::from_millis(150));
-            let spoken = self.counts().messages;
+            let spoken = self.link.client().counts().messages;
             // The port may have gone away with the board.
             let more = heard.and_then(|()| self.listen(Duration::from_millis(150)));
-            if more.is_err() || self.counts().messages == spoken {
+            if more.is_err() || self.link.client().counts().messages == spoken {
                 break;
             }
         }

@@ -42,16 +42,15 @@ pub fn figures(
         let offset = ellipsoid.correction.offset;
         let [before, after] = [readings.field_spread_ut(), ellipsoid.residual];
         let soft_iron = ellipsoid.correction.matrix;
-        let row =
-            |(axis, row): (usize, _)| shown(["  soft iron undone, x", "  y", "  z"][axis], row);
-        let soft_iron_rows = soft_iron.row_iter().map(|row| words(&row.transpose(), 3));
+        let labels = ["  soft iron undone, x", "  y", "  z"].into_iter().zip(soft_iron.row_iter());
+        let soft_iron_rows = labels.map(|(label, row)| shown(label, words(&row.transpose(), 3)));
         let (dip, off) = found.dip.map(|(dip, off)| (dip.to_degrees(), off.to_degrees())).unzip();
-        let dip_figure = figure("dip_deg", dip);
+        let dip_words = dip.zip(off).map(|(dip, off)| format!("{dip:.1}, to {off:.1}"));
         let mut figures = vec![
             vector("offset_ut", offset).said("hard iron, uT", words(&offset, 1)),
             data("matrix", &by_rows(&soft_iron)),
         ];
-        figures.extend(soft_iron_rows.enumerate().map(row));
+        figures.extend(soft_iron_rows);
         figures.extend([
             figure("strength_ut", ellipsoid.strength).shown("  strength", "uT", 1),
             figure("residual_ut", after),
@@ -63,25 +62,21 @@ pub fn figures(
             ),
             figure("used", ellipsoid.used),
             figure("outliers", ellipsoid.outliers),
-            match dip.zip(off) {
-                Some((dip, off)) => dip_figure.said("  dip, deg", format!("{dip:.1}, to {off:.1}")),
-                None => dip_figure,
-            },
+            figure("dip_deg", dip).said("  dip, deg", dip_words.unwrap_or_default()),
             figure("dip_deviation_deg", off),
         ]);
         figures
     });
     let mount = found.mount.map(|(roll, pitch)| [roll, pitch].map(f64::to_degrees));
+    let mount_words = mount.map(|[roll, pitch]| format!("{roll:.2}  {pitch:.2}"));
     let mount_deg = data("mount_deg", &mount);
     Figures::from([
         figure("samples", readings.samples.len()),
         figure("gyr", gyr),
         figure("acc", acc),
         figure("mag", mag),
-        match mount {
-            Some([roll, pitch]) => {
-                mount_deg.said("mount roll, pitch, deg", format!("{roll:.2}  {pitch:.2}"))
-            }
+        match mount_words {
+            Some(words) => mount_deg.said("mount roll, pitch, deg", words),
             None => mount_deg,
         },
         figure("declination_deg", declination_deg).shown("declination", "deg", 2).or(""),

@@ -6,17 +6,14 @@ use calibration::coverage::Coverage;
 use calibration::ellipsoid::{self, LEAST_COVERAGE};
 use calibration::poses::{self, Face};
 use calibration::prompt::Prompt;
-use calibration::{Found, Sensor, fit, rest, stillness};
+use calibration::{Found, Sensor, Wanted, fit, rest, stillness};
 use client::request;
-use nalgebra::Vector3;
 
 use super::options::{Calibrate, Files, place};
 use super::outcome::Outcome;
 use super::person::{Ending, Question};
 use super::session::Session;
 use super::{declination, readings};
-use crate::cli::TOOL;
-use flights::log::Writer;
 use report::exit::Verdict;
 use report::file::{print_json, write_whole};
 use report::measure::{Figures, figure};
@@ -46,10 +43,10 @@ type Refused = Option<String>;
 /// The vehicle does not answer or is armed, Ctrl-C was pressed, or a file cannot be written.
 pub fn run(options: &Calibrate) -> Result<Verdict> {
     // Unusable input is reported before the vehicle is contacted.
-    declination::asked_deg(options)?;
+    let asked_deg = declination::asked_deg(options)?;
     let files = Files::of(options)?;
     let mut session = Session::connect(options)?;
-    let (figures, ending, written) = calibrate(&mut session, options, &files)?;
+    let (figures, ending, written) = calibrate(&mut session, &options.wanted(), asked_deg, &files)?;
     if !ending.refused {
         eprintln!("{}", ending.words);
     }
@@ -63,26 +60,25 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     Ok(Verdict::of(!ending.refused))
 }
 
-/// Leads through the calibration, shows what was found and writes it, if the person agrees; also
+/// Leads through the calibration of what is wanted, with the declination `asked_deg`, shows what was found and writes it, if the person agrees; also
 /// why a file could not be written, which takes nothing of the calibration away.
 ///
 /// # Errors
 /// The vehicle does not answer, or the person wants an end.
 pub fn calibrate(
     session: &mut Session,
-    options: &Calibrate,
+    wanted: &Wanted,
+    asked_deg: Option<f64>,
     files: &Files,
 ) -> Result<(Figures, Ending, Result<()>)> {
-    let asked_deg = declination::asked_deg(options)?;
     let folder = tempfile::tempdir().context("making a temporary folder")?;
     let log = folder.path().join("calibration.tlog");
-    session.vehicle.link().log_to(Writer::create(&log, TOOL)?);
-    session.vehicle.parameters()?;
+    session.vehicle.keep_log(&log)?;
     let declination_deg = match asked_deg {
         None if session.is_attended() => ask_declination(session)?,
         given => given,
     };
-    let led = lead(session, options);
+    let led = lead(session, wanted);
     let told = session.done();
     session.vehicle.link().end_log()?;
     let kept = write_whole(&files.record, &std::fs::read(&log)?);
@@ -94,12 +90,12 @@ pub fn calibrate(
     let outcome = match refused {
         Some(why) => {
             let found = Found { refused: vec![why], ..Found::default() };
-            Outcome::of(&files.record, session.readings(), &found, None)?
+            Outcome::of(&files.record, &session.readings, &found, None)?
         }
         None => {
             // From the recording, so that `--from` it gives the same later.
             let readings = readings::read(&log)?;
-            let found = fit::fit(&readings, &options.wanted());
+            let found = fit::fit(&readings, wanted);
             Outcome::of(&files.record, &readings, &found, declination_deg)?
         }
     };
@@ -111,7 +107,7 @@ pub fn calibrate(
 /// Shows what was found, asks, and writes it into the vehicle.
 fn finish(session: &mut Session, outcome: Outcome, files: &Files) -> Result<(Figures, Ending)> {
     session.person.show(&outcome.figures)?;
-    let ending = if outcome.is_refused() {
+    let ending = if !outcome.refused.is_empty() {
         Ending::refused(outcome.refused.join("; "))
     } else if let Some(changed) = session.write_if_agreed(&outcome.rows)? {
         // The estimate begins anew with the new calibration; a vehicle that cannot do that yet says
@@ -132,13 +128,12 @@ fn finish(session: &mut Session, outcome: Outcome, files: &Files) -> Result<(Fig
 }
 
 /// Leads through the steps that are wanted, to the first that is refused.
-fn lead(session: &mut Session, options: &Calibrate) -> Result<Refused> {
-    type Step = fn(&mut Session, &Calibrate) -> Result<Refused>;
+fn lead(session: &mut Session, wanted: &Wanted) -> Result<Refused> {
+    type Step = fn(&mut Session, &Wanted) -> Result<Refused>;
     const STEPS: [(Sensor, Step); 4] =
         [(Sensor::Gyr, lay_down), (Sensor::Acc, pose), (Sensor::Mag, turn), (Sensor::Level, level)];
-    let wanted = options.wanted();
     for (_, step) in STEPS.iter().filter(|(sensor, _)| wanted.has(*sensor)) {
-        if let Some(why) = step(session, options)? {
+        if let Some(why) = step(session, wanted)? {
             return Ok(Some(why));
         }
     }
@@ -149,16 +144,14 @@ fn lead(session: &mut Session, options: &Calibrate) -> Result<Refused> {
 fn ask_declination(session: &mut Session) -> Result<Option<f64>> {
     loop {
         let question = Question {
-            words: "Magnetic declination in deg, or latitude,longitude",
+            words: "Magnetic declination in deg, or latitude,longitude".to_owned(),
             keys: "(Enter: leave it as it is):",
             buttons: &[("Leave it as it is", "")],
             entry: Some("deg, or latitude,longitude"),
             again: false,
         };
-        let answer = session.question(&question, &mut |_| Ok(()))?;
-        let answer = match answer {
-            Some(answer) if !answer.is_empty() => answer,
-            _ => return Ok(None),
+        let Some(answer) = session.question(&question, &mut |_| Ok(()))? else {
+            return Ok(None);
         };
         match (answer.parse::<f64>(), place(&answer)) {
             (Ok(deg), _) if deg.abs() <= 180.0 => return Ok(Some(deg)),
@@ -169,7 +162,7 @@ fn ask_declination(session: &mut Session) -> Result<Option<f64>> {
 }
 
 /// The tombstone test: the sensor lies still for [`REST_S`].
-fn lay_down(session: &mut Session, _: &Calibrate) -> Result<Refused> {
+fn lay_down(session: &mut Session, _: &Wanted) -> Result<Refused> {
     session.ask(Prompt::Rest, "1/4  Lay the sensor down and leave it alone, the table too.")?;
     let (begun_s, mut start) = (session.now_s(), session.samples().len());
     let mut why = None;
@@ -182,7 +175,7 @@ fn lay_down(session: &mut Session, _: &Calibrate) -> Result<Refused> {
             session.progress(0.0, "it moves");
         }
         let rest = &session.samples()[start..];
-        let still_s = stillness::length_s(session.samples(), &(start..session.samples().len()));
+        let still_s = stillness::length_s(rest);
         if still_s >= REST_S {
             match rest::bias(rest) {
                 Ok(_) => {
@@ -201,18 +194,14 @@ fn lay_down(session: &mut Session, _: &Calibrate) -> Result<Refused> {
         if now_s - begun_s > PATIENCE_S {
             let end = session.samples().partition_point(|m| m.time_s < now_s - REST_S);
             let moved = why.or(rest::bias(&session.samples()[end..]).err());
-            return Ok(Some(
-                moved.map_or_else(
-                    || "it never lay still for 10 s".into(),
-                    |moved| moved.to_string(),
-                ),
-            ));
+            let words = "it never lay still for 10 s";
+            return Ok(Some(moved.map_or(words.into(), |moved| moved.to_string())));
         }
     }
 }
 
 /// The accelerometer's six faces, in any order.
-fn pose(session: &mut Session, options: &Calibrate) -> Result<Refused> {
+fn pose(session: &mut Session, wanted: &Wanted) -> Result<Refused> {
     let mut done: Vec<Face> = Vec::new();
     let mut asked = None;
     let mut news_s = session.now_s();
@@ -242,29 +231,29 @@ fn pose(session: &mut Session, options: &Calibrate) -> Result<Refused> {
         session.progress(count as f64 / 6.0, &format!("{count} of 6 faces"));
         session.look()?;
         if session.now_s() - news_s > PATIENCE_S {
-            let missing = poses::fit(&forces, options.gravity).err();
-            return Ok(Some(missing.map_or_else(
-                || format!("the sensor was never at rest {}", next.name()),
-                |missing| missing.to_string(),
-            )));
+            let missing = poses::fit(&forces, wanted.gravity).err();
+            let words = format!("the sensor was never at rest {}", next.name());
+            return Ok(Some(missing.map_or(words, |missing| missing.to_string())));
         }
     }
 }
 
 /// The magnetometer, turned through all directions.
-fn turn(session: &mut Session, _: &Calibrate) -> Result<Refused> {
+fn turn(session: &mut Session, _: &Wanted) -> Result<Refused> {
     session.ask(
         Prompt::Turn,
         "3/4  Turn the sensor slowly through all directions, upside down too, away from iron.",
     )?;
-    let (begun_s, begun) = (session.now_s(), session.readings().fresh.len());
+    let (begun_s, begun) = (session.now_s(), session.readings.fresh.len());
     loop {
         session.look()?;
-        let fields = session.readings().fields();
+        let fields = session.readings.fields();
         let elapsed_s = session.now_s() - begun_s;
         let fitted = ellipsoid::fit(&fields);
-        let coverage =
-            fitted.as_ref().map_or_else(|_| about_middle(&fields), |fitted| fitted.coverage);
+        let coverage = match &fitted {
+            Ok(fitted) => fitted.coverage,
+            Err(_) => Coverage::about_middle(fields.iter()),
+        };
         let share = coverage.share();
         let enough = share >= GOOD_COVERAGE || elapsed_s > LONG_S && share >= LEAST_COVERAGE;
         if fitted.is_ok() && enough && fields.len() - begun >= FIELDS {
@@ -276,32 +265,18 @@ fn turn(session: &mut Session, _: &Calibrate) -> Result<Refused> {
         let share = share / GOOD_COVERAGE;
         session.person.progress(share, &words, Some(&coverage));
         if elapsed_s > TURN_PATIENCE_S {
-            return Ok(Some(fitted.err().map_or_else(
-                || "the magnetometer gave too few readings".into(),
-                |why| why.to_string(),
-            )));
+            let words = "the magnetometer gave too few readings";
+            return Ok(Some(fitted.err().map_or(words.into(), |why| why.to_string())));
         }
     }
 }
 
-/// Directions from the middle of the readings, as long as no ellipsoid fits them.
-fn about_middle(fields: &[Vector3<f64>]) -> Coverage {
-    let (low, high) = fields.iter().fold((None, None), |(low, high), field| {
-        let low = low.map_or(*field, |low: Vector3<f64>| low.inf(field));
-        let high = high.map_or(*field, |high: Vector3<f64>| high.sup(field));
-        (Some(low), Some(high))
-    });
-    let middle = (low.unwrap_or_default() + high.unwrap_or_default()) / 2.0;
-    let directions: Vec<_> = fields.iter().map(|field| field - middle).collect();
-    directions.iter().collect()
-}
-
 /// The mount, with the body level.
-fn level(session: &mut Session, _: &Calibrate) -> Result<Refused> {
+fn level(session: &mut Session, _: &Wanted) -> Result<Refused> {
     session.ask(Prompt::Level, "4/4  Mount the sensor, stand the body level, and leave it.")?;
     if session.is_attended() {
         let question = Question {
-            words: "Is it mounted, and does the body stand level?",
+            words: "Is it mounted, and does the body stand level?".to_owned(),
             keys: "Enter when it does:",
             buttons: &[("It stands level", "")],
             entry: None,

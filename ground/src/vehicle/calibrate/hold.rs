@@ -78,7 +78,7 @@ pub fn measure(session: &mut Session, seconds: f64) -> Result<(Figures, Ending)>
     if let Some(why) = &refused {
         return Ok((figures(false), Ending::refused(why)));
     }
-    let row = Parameter { name: NAME.into(), value: hold_deg };
+    let row = Parameter::new(NAME, hold_deg);
     let ending = match session.write_if_agreed(&[row])? {
         Some(_) => Ending::met(format!("{NAME} is {hold_deg} in the flash")),
         None => Ending::unchanged(UNCHANGED),

@@ -9,7 +9,6 @@ pub mod keyboard;
 pub mod options;
 mod outcome;
 pub mod person;
-mod picture;
 pub mod polarity;
 pub mod readings;
 mod report;
@@ -43,12 +42,12 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
             let readings = readings::read(log)?;
             let found = fit::fit(&readings, &options.wanted());
             let outcome = Outcome::of(log, &readings, &found, declination_deg)?;
-            let refused = outcome.is_refused();
+            let met = outcome.refused.is_empty();
             let written = outcome.write(&files, &mut |words| eprintln!("{words}"));
             let figures = outcome.figures.and(figure("written", false));
             figures.conclude(options.vehicle.json, None)?;
             written?;
-            Ok(Verdict::of(!refused))
+            Ok(Verdict::of(met))
         }
     }
 }

@@ -183,25 +183,6 @@ impl Servo {
 }
 
 impl Calibrate {
-    /// Every sensor, with questions.
-    pub fn guided() -> Self {
-        Self {
-            step: None,
-            from: None,
-            vehicle: VehicleOptions::default(),
-            yes: false,
-            record: None,
-            only: Vec::new(),
-            level: None,
-            declination: None,
-            place: None,
-            date: None,
-            gravity: STANDARD_GRAVITY,
-            out: None,
-            report: None,
-        }
-    }
-
     /// What the fits are asked for.
     pub fn wanted(&self) -> Wanted {
         Wanted { only: self.only.clone(), gravity: self.gravity, level_s: self.level }
@@ -245,18 +226,15 @@ pub fn place(text: &str) -> Result<Place, String> {
 }
 
 fn day(text: &str) -> Result<Day, String> {
-    let parts: Vec<&str> = text.split('-').collect();
-    let parsed = match parts.as_slice() {
-        [year, month, day] => (|| {
-            Some(Day {
-                year: year.parse().ok()?,
-                month: month.parse().ok()?,
-                day: day.parse().ok()?,
-            })
-        })(),
+    let parse = || match text.split('-').collect::<Vec<_>>().as_slice() {
+        [year, month, day] => Some(Day {
+            year: year.parse().ok()?,
+            month: month.parse().ok()?,
+            day: day.parse().ok()?,
+        }),
         _ => None,
     };
-    parsed.ok_or_else(|| "a date is year, month and day, such as 2026-05-31".into())
+    parse().ok_or_else(|| "a date is year, month and day, such as 2026-05-31".into())
 }
 
 #[cfg(test)]

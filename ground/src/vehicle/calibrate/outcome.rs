@@ -55,19 +55,14 @@ impl Outcome {
             Ok(())
         };
         let page = write("report", &files.report, &self.page);
-        let rows = match self.is_refused() {
-            true => Ok(()),
-            false => write("parameters", &files.out, &param_file::text(&self.rows)),
+        let rows = match self.refused.is_empty() {
+            true => write("parameters", &files.out, &param_file::text(&self.rows)),
+            false => Ok(()),
         };
         for why in &self.refused {
             tell(&format!("refused: {why}"));
         }
         page.and(rows)
-    }
-
-    /// Whether something that was asked for could not be calibrated.
-    pub fn is_refused(&self) -> bool {
-        !self.refused.is_empty()
     }
 }
 

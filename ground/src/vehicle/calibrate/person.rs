@@ -3,6 +3,7 @@
 use anyhow::Result;
 use calibration::coverage::Coverage;
 use report::measure::Figures;
+use serde::Serialize;
 
 use super::keyboard::Typed;
 
@@ -30,23 +31,24 @@ pub trait Person {
     fn show(&mut self, figures: &Figures) -> Result<()>;
 
     /// Asks; [`Self::poll`] has the answer later.
-    fn ask(&mut self, question: &Question<'_>);
+    fn ask(&mut self, question: &Question);
 
     /// What has been answered so far.
     fn poll(&mut self) -> Typed;
 }
 
 /// A question, and the answers to it.
-#[derive(Clone, Copy, Debug)]
-pub struct Question<'a> {
+#[derive(Clone, Debug, Serialize)]
+pub struct Question {
     /// The question.
-    pub words: &'a str,
+    pub words: String,
     /// How it is answered at a keyboard.
-    pub keys: &'a str,
+    #[serde(skip)]
+    pub keys: &'static str,
     /// The buttons of a page, each with what it stands for at a keyboard.
-    pub buttons: &'a [(&'a str, &'a str)],
+    pub buttons: &'static [(&'static str, &'static str)],
     /// What may be typed, such as a number's unit; `None` if there is nothing but the buttons.
-    pub entry: Option<&'a str>,
+    pub entry: Option<&'static str>,
     /// The same question as before, after an answer that does not end it.
     pub again: bool,
 }

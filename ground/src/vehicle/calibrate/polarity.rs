@@ -33,9 +33,10 @@ struct Look {
     axis: Axis,
     polarity: &'static str,
     direction: &'static str,
+    rudder: &'static str,
     upright: &'static str,
-    /// Tilts to the positive and the negative side: what is asked for, and the question.
-    tilts: [(Tilt, &'static str, &'static str); 2],
+    /// Tilts to the positive and the negative side, and where the rudder's lower edge points then.
+    tilts: [(Tilt, &'static str); 2],
     /// What is wrong if the vehicle takes one side for the other.
     mistaken: &'static str,
     /// Keys and labels of its pulses, upright and tilted to either side.
@@ -48,19 +49,9 @@ const LOOKS_AT: [Look; Axis::COUNT] = [
         axis: Axis::Pitch,
         polarity: POLARITY,
         direction: "SRV_DIR",
+        rudder: "rudder",
         upright: "1/3  Thrust off. Hold the vehicle upright.",
-        tilts: [
-            (
-                Tilt::NoseUp,
-                "2/3  Tilt it nose up by some 20 deg, hold it, and look at the rudder.",
-                "Does the rudder's lower edge point forward, to the raised side?",
-            ),
-            (
-                Tilt::NoseDown,
-                "3/3  Tilt it nose down by some 20 deg, hold it, and look at the rudder.",
-                "Does the rudder's lower edge point backward, to the raised side?",
-            ),
-        ],
+        tilts: [(Tilt::NoseUp, "forward"), (Tilt::NoseDown, "backward")],
         mistaken: "nose up for nose down",
         pulses: [
             ("upright_us", "pulse upright"),
@@ -72,19 +63,9 @@ const LOOKS_AT: [Look; Axis::COUNT] = [
         axis: Axis::Roll,
         polarity: SECOND_POLARITY,
         direction: "SRV2_DIR",
+        rudder: "second rudder",
         upright: "1/3  The second rudder. Hold the vehicle upright.",
-        tilts: [
-            (
-                Tilt::RightDown,
-                "2/3  Tilt it right side down by some 20 deg, hold it, and look at the second rudder.",
-                "Does the second rudder's lower edge point left, to the raised side?",
-            ),
-            (
-                Tilt::LeftDown,
-                "3/3  Tilt it left side down by some 20 deg, hold it, and look at the second rudder.",
-                "Does the second rudder's lower edge point right, to the raised side?",
-            ),
-        ],
+        tilts: [(Tilt::RightDown, "left"), (Tilt::LeftDown, "right")],
         mistaken: "left for right",
         pulses: [
             ("upright_us", "second pulse upright"),
@@ -141,7 +122,7 @@ pub fn check(session: &mut Session) -> Result<(Figures, Ending)> {
         return Ok((figures(&looked, &refused), Ending::refused(why)));
     }
     session.go_on()?;
-    let rows = looks().map(|at| Parameter { name: at.polarity.to_owned(), value: CHECKED });
+    let rows = looks().map(|at| Parameter::new(at.polarity, CHECKED));
     write(&mut session.vehicle, &rows.collect::<Vec<_>>())?;
     let ending = Ending::met("checked: the vehicle may be armed");
     Ok((figures(&looked, &refused), ending))
@@ -168,8 +149,14 @@ fn look(session: &mut Session, at: &Look) -> Result<Looked> {
     let pulse_us = |seen: Seen| seen.pulses_us[at.axis.index()];
     let upright_us = pulse_us(tilt(session, Tilt::Upright, at.upright, at.axis)?);
     let mut looked = Looked { direction, upright_us, tilted_us: [0; 2], refused: None };
-    for (side, (way, words, question)) in at.tilts.into_iter().enumerate() {
-        let tilted_us = pulse_us(tilt(session, way, words, at.axis)?);
+    for (side, (way, points)) in at.tilts.into_iter().enumerate() {
+        let words = format!(
+            "{}/3  Tilt it {} by some 20 deg, hold it, and look at the {}.",
+            side + 2,
+            way.name(),
+            at.rudder
+        );
+        let tilted_us = pulse_us(tilt(session, way, &words, at.axis)?);
         looked.tilted_us[side] = tilted_us;
         let change = f64::from(tilted_us) - f64::from(upright_us);
         let sign = [1.0, -1.0][side];
@@ -184,7 +171,10 @@ fn look(session: &mut Session, at: &Look) -> Result<Looked> {
             "commanded: pulse {upright_us} -> {tilted_us} us, servo {:+.0} deg",
             change / us_per_deg
         ));
-        if !session.agrees(question)? {
+        let rudder = at.rudder;
+        let question =
+            format!("Does the {rudder}'s lower edge point {points}, to the raised side?");
+        if !session.agrees(&question)? {
             looked.refused = Some(format!(
                 "the rudder answers the wrong way: set {} to {} and look again; if the vehicle takes {}, the mount \
                  is wrong instead (MNT_YAW_DEG)",
@@ -202,14 +192,11 @@ fn look(session: &mut Session, at: &Look) -> Result<Looked> {
 fn tilt(session: &mut Session, way: Tilt, words: &str, axis: Axis) -> Result<Seen> {
     session.ask(Prompt::Tilt(way), words)?;
     let begun_s = session.now_s();
-    let angle = |seen: Seen| match axis {
-        Axis::Pitch => seen.pitch_rad,
-        Axis::Roll => seen.roll_rad,
-    };
-    let (mut so, mut last) = (0, session.seen());
+    let angle = |seen: Seen| seen.tilts_rad[axis.index()];
+    let (mut so, mut last) = (0, session.seen);
     while so < LOOKS {
         session.look()?;
-        let seen = session.seen();
+        let seen = session.seen;
         let there = match way {
             Tilt::NoseUp | Tilt::RightDown => angle(seen) >= TILTED_RAD,
             Tilt::NoseDown | Tilt::LeftDown => angle(seen) <= -TILTED_RAD,
@@ -218,10 +205,7 @@ fn tilt(session: &mut Session, way: Tilt, words: &str, axis: Axis) -> Result<See
         let rests = (angle(seen) - angle(last)).abs() < 0.02;
         so = if there && rests { so + 1 } else { 0 };
         last = seen;
-        let name = match axis {
-            Axis::Pitch => "pitch",
-            Axis::Roll => "roll",
-        };
+        let name = ["pitch", "roll"][axis.index()];
         session.progress(
             so as f64 / LOOKS as f64,
             &format!(
@@ -239,18 +223,12 @@ fn tilt(session: &mut Session, way: Tilt, words: &str, axis: Axis) -> Result<See
 
 /// Why the vehicle does not see the tilt that was asked for.
 fn astray(way: Tilt, seen: Seen) -> String {
-    let asked = match way {
-        Tilt::NoseUp => "nose up",
-        Tilt::NoseDown => "nose down",
-        Tilt::RightDown => "right side down",
-        Tilt::LeftDown => "left side down",
-        Tilt::Upright => "upright",
-    };
-    let (pitch, roll) = (seen.pitch_rad.to_degrees(), seen.roll_rad.to_degrees());
+    let [pitch, roll] = seen.tilts_rad.map(f64::to_degrees);
     let mut why = format!(
-        "the vehicle was to be {asked} and says pitch {pitch:+.0} deg, roll {roll:+.0} deg"
+        "the vehicle was to be {} and says pitch {pitch:+.0} deg, roll {roll:+.0} deg",
+        way.name()
     );
-    if seen.pitch_rad.abs().max(seen.roll_rad.abs()) >= TILTED_RAD {
+    if seen.tilts_rad.iter().any(|tilt| tilt.abs() >= TILTED_RAD) {
         why += ": if it was, the mount is wrong (`tvc calibrate --only level`, MNT_YAW_DEG)";
     }
     why
@@ -281,7 +259,7 @@ mod tests {
 
     #[test]
     fn a_tilt_the_other_way_is_said_to_be_one() {
-        let seen = Seen { pitch_rad: -0.35, ..Seen::default() };
+        let seen = Seen { tilts_rad: [-0.35, 0.0], ..Seen::default() };
         let why = astray(Tilt::NoseUp, seen);
         assert!(why.contains("pitch -20 deg") && why.contains("mount"), "{why}");
         assert!(!astray(Tilt::NoseUp, Seen::default()).contains("mount"));

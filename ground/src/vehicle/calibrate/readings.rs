@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use calibration::prompt::Prompt;
 use calibration::{Reading, Readings};
 use client::request::text_of;
@@ -41,11 +41,10 @@ pub fn read(path: &Path) -> Result<Readings> {
     }
     let count = readings.samples.len();
     if count < FEWEST {
-        return Err(BadInput::new(format!(
+        bail!(BadInput::new(format!(
             "{} has {count} samples with all of gyroscope and accelerometer, which is less than a second",
             path.display(),
-        ))
-        .into());
+        )));
     }
     Ok(readings)
 }

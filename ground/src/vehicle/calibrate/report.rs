@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::Result;
 use calibration::coverage::{AROUND, BANDS, Coverage};
 use calibration::{Found, Readings};
-use maud::{Markup, PreEscaped, html};
+use maud::{Markup, html};
 use nalgebra::Vector3;
 
 use report::measure::Figures;
@@ -62,7 +62,8 @@ pub fn page(log: &Path, readings: &Readings, found: &Found, figures: &Figures) -
             let times = readings.fresh.iter().map(|i| times[*i]);
             times.zip(fields.iter().map(|m| m.norm())).collect()
         };
-        let coverage = found.ellipsoid.map_or_else(|| fields.iter().collect(), |e| e.coverage);
+        let coverage =
+            found.ellipsoid.map_or_else(|| fields.iter().copied().collect(), |e| e.coverage);
         let after = found.ellipsoid.map(|_| corrected.as_slice());
         body = html! { (body)
             h2 { "Magnetometer" }
@@ -135,7 +136,7 @@ fn cells(coverage: &Coverage) -> String {
     let most = coverage.counts().as_flattened().iter().max();
     let most = f64::from(most.copied().unwrap_or(0).max(1));
     let (width, height) = (AROUND * CELL, BANDS * CELL);
-    let svg: Markup = html! {
+    let svg = html! {
         svg xmlns="http://www.w3.org/2000/svg" viewBox=(format!("0 0 {width} {height}"))
             style=(format!("max-width:{}px", 2 * width)) {
             @for (band, cells) in coverage.counts().iter().enumerate() {
@@ -147,6 +148,5 @@ fn cells(coverage: &Coverage) -> String {
             }
         }
     };
-    let PreEscaped(svg) = svg;
-    svg
+    svg.into_string()
 }

@@ -23,13 +23,14 @@ const NUDGE_US: f32 = 5.0;
 /// How far from the centre the horn's angle is measured, us.
 const SPAN_US: f32 = 300.0;
 
-/// The parameters of an axis' servo: centre, direction, shortest and longest pulse.
-fn names(axis: Axis) -> [&'static str; 4] {
-    match axis {
-        Axis::Pitch => ["SRV_CENTRE_US", "SRV_DIR", "SRV_MIN_US", "SRV_MAX_US"],
-        Axis::Roll => ["SRV2_CENTRE_US", "SRV2_DIR", "SRV2_MIN_US", "SRV2_MAX_US"],
-    }
-}
+/// The parameter that both servos share.
+const SCALE: &str = "SRV_US_PER_DEG";
+
+/// The parameters of a servo, by axis: centre, scale, direction, shortest and longest pulse.
+const NAMES: [[&str; 5]; Axis::COUNT] = [
+    ["SRV_CENTRE_US", SCALE, "SRV_DIR", "SRV_MIN_US", "SRV_MAX_US"],
+    ["SRV2_CENTRE_US", SCALE, "SRV2_DIR", "SRV2_MIN_US", "SRV2_MAX_US"],
+];
 
 /// Sets up the servo of the vehicle at a port.
 ///
@@ -77,20 +78,18 @@ pub fn set_up(session: &mut Session, given: &Servo) -> Result<(Figures, Ending)>
 
 /// Checks that the firmware takes what is given.
 fn check(given: &Servo) -> Result<()> {
+    const OPTIONS: [&str; 5] = ["--centre", "--us-per-deg", "--direction", "--min", "--max"];
+    let values = [given.centre, given.us_per_deg, given.direction, given.min, given.max];
+    let all = OPTIONS.into_iter().zip(NAMES[given.axis().index()]).zip(values);
+    admit(all.filter_map(|((option, name), value)| Some((option, name, value?))))
+}
+
+/// Checks that the firmware takes values; of each what it is called, its parameter and itself.
+fn admit<'a>(values: impl Iterator<Item = (&'a str, &'a str, f32)>) -> Result<()> {
     let mut table = Params::default();
-    let [centre, direction, min, max] = names(given.axis());
-    for (option, name, value) in [
-        ("--centre", centre, given.centre),
-        ("--us-per-deg", "SRV_US_PER_DEG", given.us_per_deg),
-        ("--direction", direction, given.direction),
-        ("--min", min, given.min),
-        ("--max", max, given.max),
-    ] {
-        if let Some(value) = value {
-            table
-                .set(name, value)
-                .map_err(|why| BadInput::new(format!("{option} {value}: {why}")))?;
-        }
+    for (called, name, value) in values {
+        let set = table.set(name, value);
+        set.map_err(|why| BadInput::new(format!("{called} {value}: {why}")))?;
     }
     Ok(())
 }
@@ -98,9 +97,10 @@ fn check(given: &Servo) -> Result<()> {
 /// Each value as given on the command line, else as the person finds it, else as the vehicle has
 /// it.
 fn find(session: &mut Session, given: &Servo) -> Result<Vec<Parameter>> {
-    let yes = session.is_agreed();
+    let yes = session.yes;
     let axis = given.axis();
-    let [centre_name, direction_name, min_name, max_name] = names(axis);
+    let names = NAMES[axis.index()];
+    let [centre_name, scale_name, direction_name, min_name, max_name] = names;
     type Ask<'a> = &'a dyn Fn(&mut Session, f32) -> Result<f32>;
     let mut value = |name: &str, given: Option<f32>, ask: Ask<'_>| match given {
         Some(value) => Ok(value),
@@ -113,7 +113,7 @@ fn find(session: &mut Session, given: &Servo) -> Result<Vec<Parameter>> {
         let what = "Thrust off. Centre: the rudder hangs straight down";
         nudge(session, axis, what, has)
     })?;
-    let us_per_deg = value("SRV_US_PER_DEG", given.us_per_deg, &|session, has| {
+    let us_per_deg = value(scale_name, given.us_per_deg, &|session, has| {
         Ok(scale(session, axis, centre)?.unwrap_or(has))
     })?;
     let direction = value(direction_name, given.direction, &|session, has| {
@@ -126,23 +126,10 @@ fn find(session: &mut Session, given: &Servo) -> Result<Vec<Parameter>> {
         nudge(session, axis, "Longest pulse at which nothing touches", has)
     })?;
     // Rounded as a person would write it, so that files and vehicles agree.
-    let row = |name: &str, value: f32| Parameter {
-        name: name.into(),
-        value: (value * 1000.0).round() / 1000.0,
-    };
-    let rows = vec![
-        row(centre_name, centre),
-        row("SRV_US_PER_DEG", us_per_deg),
-        row(direction_name, direction),
-        row(min_name, min),
-        row(max_name, max),
-    ];
-    let mut table = Params::default();
-    for row in &rows {
-        table
-            .set(&row.name, row.value)
-            .map_err(|why| BadInput::new(format!("{} {}: {why}", row.name, row.value)))?;
-    }
+    let row = |(name, value): (&str, f32)| Parameter::new(name, (value * 1000.0).round() / 1000.0);
+    let values = [centre, us_per_deg, direction, min, max];
+    let rows: Vec<_> = names.into_iter().zip(values).map(row).collect();
+    admit(rows.iter().map(|row| (&*row.name, &*row.name, row.value)))?;
     Ok(rows)
 }
 
@@ -151,7 +138,7 @@ fn ask_at(
     session: &mut Session,
     axis: Axis,
     pulse_us: f32,
-    question: &Question<'_>,
+    question: &Question,
 ) -> Result<Option<String>> {
     let mut due = session.vehicle.now();
     session.question(question, &mut |vehicle| {
@@ -169,7 +156,7 @@ fn nudge(session: &mut Session, axis: Axis, what: &str, from_us: f32) -> Result<
     let mut again = false;
     loop {
         let question = Question {
-            words: &format!("{what}: now {pulse_us} us."),
+            words: format!("{what}: now {pulse_us} us."),
             keys: "Pulse in us, + or - for 5 us (++ for 10), Enter when it is so:",
             buttons: &[
                 ("\u{2212} 50", "----------"),
@@ -184,9 +171,6 @@ fn nudge(session: &mut Session, axis: Axis, what: &str, from_us: f32) -> Result<
         let Some(answer) = ask_at(session, axis, pulse_us, &question)? else {
             return Ok(pulse_us);
         };
-        if answer.is_empty() {
-            return Ok(pulse_us);
-        }
         again = true;
         match nudged(pulse_us, &answer) {
             Some(us) => pulse_us = us,
@@ -215,21 +199,21 @@ fn scale(session: &mut Session, axis: Axis, centre_us: f32) -> Result<Option<f32
     for pulse_us in [centre_us + SPAN_US, centre_us - SPAN_US] {
         loop {
             let question = Question {
-                words: &format!("Horn at {pulse_us} us: how many deg from the centre, either way"),
+                words: format!("Horn at {pulse_us} us: how many deg from the centre, either way"),
                 keys: "(Enter: leave the scale as it is)?",
                 buttons: &[("Leave the scale as it is", "")],
                 entry: Some("deg"),
                 again: false,
             };
-            match ask_at(session, axis, pulse_us, &question)? {
-                Some(answer) if !answer.is_empty() => match answer.parse::<f32>() {
-                    Ok(deg) if (5.0..=90.0).contains(&deg.abs()) => {
-                        degrees += deg.abs();
-                        break;
-                    }
-                    _ => session.say(&format!("{answer} is no angle from 5 to 90 deg")),
-                },
-                _ => return Ok(None),
+            let Some(answer) = ask_at(session, axis, pulse_us, &question)? else {
+                return Ok(None);
+            };
+            match answer.parse::<f32>() {
+                Ok(deg) if (5.0..=90.0).contains(&deg.abs()) => {
+                    degrees += deg.abs();
+                    break;
+                }
+                _ => session.say(&format!("{answer} is no angle from 5 to 90 deg")),
             }
         }
     }
@@ -243,7 +227,7 @@ fn direction(session: &mut Session, axis: Axis, centre_us: f32) -> Result<Option
         Axis::Roll => "A longer pulse: does the second rudder's lower edge point left",
     };
     let question = Question {
-        words,
+        words: words.to_owned(),
         keys: "[y/n] (Enter: leave it as it is)?",
         buttons: &[("Yes", "y"), ("No", "n"), ("Leave it as it is", "")],
         entry: None,
@@ -253,7 +237,7 @@ fn direction(session: &mut Session, axis: Axis, centre_us: f32) -> Result<Option
         match ask_at(session, axis, centre_us + SPAN_US, &question)?.as_deref() {
             Some("y" | "Y" | "yes") => return Ok(Some(1.0)),
             Some("n" | "N" | "no") => return Ok(Some(-1.0)),
-            Some("") | None => return Ok(None),
+            None => return Ok(None),
             Some(_) => session.say("answer y or n"),
         }
     }

@@ -35,10 +35,8 @@ const STANDBY: Duration = Duration::from_secs(20);
 /// What the vehicle last reported of its tilt and rudder.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Seen {
-    /// Right side down, rad.
-    pub roll_rad: f64,
-    /// Nose up, rad.
-    pub pitch_rad: f64,
+    /// Nose up and right side down, by axis, rad.
+    pub tilts_rad: [f64; Axis::COUNT],
     /// Pulses, by axis, us.
     pub pulses_us: [u16; Axis::COUNT],
 }
@@ -48,7 +46,7 @@ impl Seen {
         match message {
             MavMessage::ATTITUDE_QUATERNION(q) => {
                 let [roll, pitch, _] = angles([q.q1, q.q2, q.q3, q.q4].map(f64::from));
-                (self.roll_rad, self.pitch_rad) = (roll, pitch);
+                self.tilts_rad = [pitch, roll];
             }
             MavMessage::SERVO_OUTPUT_RAW(servo) => {
                 self.pulses_us = [servo.servo1_raw, servo.servo2_raw];
@@ -66,10 +64,12 @@ pub struct Session {
     pub person: Box<dyn Person>,
     /// Set when the person wants an end.
     pub stop: &'static AtomicBool,
-    readings: Readings,
-    seen: Seen,
-    /// Yes to every question.
-    yes: bool,
+    /// Samples so far.
+    pub readings: Readings,
+    /// Tilt and pulses, as the vehicle reported them last.
+    pub seen: Seen,
+    /// The answer to every question is yes.
+    pub yes: bool,
 }
 
 impl Session {
@@ -108,19 +108,9 @@ impl Session {
         })
     }
 
-    /// Whether the answer to every question is yes.
-    pub fn is_agreed(&self) -> bool {
-        self.yes
-    }
-
     /// Whether somebody is there and is to be asked.
     pub fn is_attended(&self) -> bool {
         self.person.is_there() && !self.yes
-    }
-
-    /// Samples so far.
-    pub fn readings(&self) -> &Readings {
-        &self.readings
     }
 
     /// The vehicle's time, s since the first sample.
@@ -146,11 +136,6 @@ impl Session {
             }
         }
         Ok(())
-    }
-
-    /// Roll and pitch, rad, and the pulse, us, as the vehicle reported them last.
-    pub fn seen(&self) -> Seen {
-        self.seen
     }
 
     /// Asks the person for a step, in words and down the link.
@@ -225,19 +210,19 @@ impl Session {
     }
 
     /// What the person answers; until then messages are taken in, and `each` runs again and again.
-    /// `None` where nobody answers.
+    /// `None` where nobody answers, or by an empty line.
     ///
     /// # Errors
     /// As [`Self::pump`], or those of `each`.
     pub fn question(
         &mut self,
-        question: &Question<'_>,
+        question: &Question,
         each: &mut dyn FnMut(&mut Vehicle) -> Result<()>,
     ) -> Result<Option<String>> {
         self.person.ask(question);
         loop {
             match self.person.poll() {
-                Typed::Line(line) => return Ok(Some(line)),
+                Typed::Line(line) => return Ok((!line.is_empty()).then_some(line)),
                 Typed::Nobody => return Ok(None),
                 Typed::Nothing => {}
             }
@@ -255,7 +240,7 @@ impl Session {
             return Ok(true);
         }
         let question = Question {
-            words,
+            words: words.to_owned(),
             keys: "[y/N]",
             buttons: &[("Yes", "y"), ("No", "n")],
             entry: None,

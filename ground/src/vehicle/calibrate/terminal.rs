@@ -6,7 +6,6 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::keyboard::{Keyboard, Typed, is_attended};
 use super::person::{Person, Question};
-use super::picture::picture;
 use report::file::print;
 use report::measure::Figures;
 
@@ -68,7 +67,7 @@ impl Person for Terminal {
         }
     }
 
-    fn ask(&mut self, question: &Question<'_>) {
+    fn ask(&mut self, question: &Question) {
         // The bar is hidden until the next progress: the question stands on a line of its own.
         self.rest();
         let Question { words, keys, .. } = question;
@@ -88,4 +87,38 @@ impl Person for Terminal {
 
 fn with_picture(words: &str, seen: Option<&Coverage>) -> String {
     seen.map_or(words.to_owned(), |seen| format!("{words}\n{}", picture(seen)))
+}
+
+/// The directions that were seen, as characters: rows of the sphere from the top down, azimuth along
+/// each. Full cells were seen often, empty ones never.
+fn picture(coverage: &Coverage) -> String {
+    let rows = coverage.counts().iter().rev().map(|band| {
+        let cells = band.iter().map(|count| match count {
+            0 => " \u{b7} ",
+            1..=3 => "\u{2591}\u{2591}\u{2591}",
+            4..=9 => "\u{2592}\u{2592}\u{2592}",
+            _ => "\u{2588}\u{2588}\u{2588}",
+        });
+        format!("   |{}|", cells.collect::<String>())
+    });
+    let mut text = rows.collect::<Vec<_>>().join("\n");
+    text.push_str("\n    -180 deg  azimuth of the field  180");
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn what_was_seen_is_filled_with_the_top_above() {
+        let up: Coverage = [Vector3::new(0.1, 0.1, 1.0); 4].into_iter().collect();
+        let text = picture(&up);
+        let rows: Vec<&str> = text.lines().collect();
+        assert_eq!(rows.len(), 7);
+        assert!(rows[0].contains("\u{2592}\u{2592}\u{2592}"), "{text}");
+        assert!(!rows[1].contains('\u{2592}'), "{text}");
+        assert!(rows[0].matches('\u{b7}').count() == 7);
+    }
 }

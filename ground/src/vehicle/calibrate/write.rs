@@ -61,8 +61,7 @@ fn set_row(vehicle: &mut Vehicle, row: &Parameter) -> Result<()> {
     if [POLARITY, SECOND_POLARITY].contains(&&*row.name) && row.value == CHECKED {
         vehicle.set_parameter(&row.name, WATCHED)?;
     }
-    vehicle.set_parameter(&row.name, row.value)?;
-    Ok(())
+    vehicle.set_parameter(&row.name, row.value)
 }
 
 #[cfg(all(test, unix))]
@@ -83,8 +82,7 @@ pub mod tests {
 
     /// Parameters with these values.
     pub fn rows(values: [(&str, f32); 3]) -> Vec<Parameter> {
-        let row = |(name, value): (&str, f32)| Parameter { name: name.to_owned(), value };
-        values.map(row).into()
+        values.map(|(name, value)| Parameter::new(name, value)).into()
     }
 
     /// A vehicle that obeys no order, and that forgets a parameter when its direction is set; at

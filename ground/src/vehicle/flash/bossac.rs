@@ -51,18 +51,16 @@ impl Bossac {
         let help = [help.stdout, help.stderr].concat();
         match version(&String::from_utf8_lossy(&help)) {
             Some(version) if version >= OLDEST => Ok(Self { program }),
-            Some((major, minor)) => Err(BadInput::new(format!(
+            Some((major, minor)) => bail!(BadInput::new(format!(
                 "{} is version {major}.{minor} and does not know where the image goes; the one \
                  that Arduino installs for this board (1.7.0-arduino3) is too old, 1.9.1 is right \
                  ({WHERE})",
                 program.display()
-            ))
-            .into()),
-            None => Err(BadInput::new(format!(
+            ))),
+            None => bail!(BadInput::new(format!(
                 "{} does not tell its version; 1.9.1 is right ({WHERE})",
                 program.display()
-            ))
-            .into()),
+            ))),
         }
     }
 

@@ -1,7 +1,5 @@
 //! What to do next, in one sentence.
 
-use std::fmt;
-
 use anyhow::{Error, anyhow};
 use serde::Serialize;
 use tvc_nano::failsafe::StateKind;
@@ -32,15 +30,14 @@ impl Standing {
             Self::Unreachable => Verdict::Unusable,
         }
     }
-}
 
-impl fmt::Display for Standing {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
             Self::Well => "all is well",
             Self::ToDo => "to do",
             Self::Unreachable => "the vehicle cannot be reached",
-        })
+        }
     }
 }
 

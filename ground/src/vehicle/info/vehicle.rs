@@ -12,7 +12,6 @@ use tvc_nano::params::Polarity;
 use tvc_nano::{Axis, Params};
 
 use crate::vehicle::link::Vehicle;
-use crate::vehicle::port::PortOptions;
 use flights::log::vehicle_build;
 
 /// How long what the vehicle tells once a second is waited for.
@@ -58,20 +57,10 @@ pub struct Told {
 /// Asks the vehicle; `image` is the build id of the image at hand.
 ///
 /// # Errors
-/// No such port, no vehicle, or it falls silent.
-pub fn ask(options: &PortOptions, image: Option<&str>) -> Result<Told> {
-    ask_it(&mut Vehicle::connect(options)?, image)
-}
-
-/// As [`ask`], a vehicle that has been heard.
-///
-/// # Errors
 /// It does not answer.
-pub fn ask_it(vehicle: &mut Vehicle, image: Option<&str>) -> Result<Told> {
-    let now = vehicle.link().now();
-    let version = Request::Order(request::VERSION);
+pub fn ask(vehicle: &mut Vehicle, image: Option<&str>) -> Result<Told> {
     // What it tells is taken from the messages; an old one refuses.
-    vehicle.link().client().request(now, version);
+    vehicle.link().request(Request::Order(request::VERSION));
     let (mut build, mut status) = (None, None);
     let end = vehicle.now() + TOLD;
     while (build.is_none() || status.is_none()) && vehicle.now() < end {
@@ -207,9 +196,7 @@ mod tests {
     #[test]
     fn what_has_its_defaults_is_named() {
         let rows = |pairs: &[(&str, f32)]| -> Vec<Parameter> {
-            let row =
-                |(name, value): &(&str, f32)| Parameter { name: (*name).into(), value: *value };
-            pairs.iter().map(row).collect()
+            pairs.iter().map(|(name, value)| Parameter::new(*name, *value)).collect()
         };
         let told = |pairs, image| {
             let build = AUTOPILOT_VERSION_DATA {

@@ -113,7 +113,7 @@ impl Row {
     /// tool does not know has none.
     pub fn of(parameter: &Parameter, law: Option<f32>) -> Self {
         let index = Params::index_of(&parameter.name);
-        let info = index.and_then(|index| Params::default().by_index(index).map(|(info, _)| info));
+        let info = Params::info(&parameter.name);
         let description = index.and_then(|index| DESCRIPTIONS.get(index));
         let laws = laws_of(&parameter.name);
         let law = law.map(|law| law as u8);
@@ -173,14 +173,10 @@ mod tests {
     use tvc_nano::params::{Range, TABLE};
     use tvc_nano::{Axis, Controller, LawState};
 
-    fn row(name: &str, value: f32) -> Parameter {
-        Parameter { name: name.into(), value }
-    }
-
     #[test]
     fn every_parameter_of_the_firmware_is_explained() {
         for info in TABLE {
-            let row = Row::of(&row(info.name, info.default), Some(2.0));
+            let row = Row::of(&Parameter::new(info.name, info.default), Some(2.0));
             assert_eq!(row.default, Some(info.default));
             assert!(!row.meaning.is_empty() && !row.range.is_empty());
             assert!(!row.group().is_empty());
@@ -193,7 +189,7 @@ mod tests {
             ("SRV_POLARITY", "Safety"),
             ("MAV_SYSID", "Bus, clock and link"),
         ] {
-            assert_eq!(Row::of(&row(name, 1.0), Some(2.0)).group(), group, "{name}");
+            assert_eq!(Row::of(&Parameter::new(name, 1.0), Some(2.0)).group(), group, "{name}");
         }
         assert!(meaning("SFC_NEAR").ends_with(", in law 2"));
         assert!(meaning("PID_KD").ends_with(", in laws 0 and 3"));
@@ -255,7 +251,8 @@ mod tests {
     #[test]
     fn gains_of_the_law_in_force_come_first_and_others_last() {
         let params = Params::default();
-        let all: Vec<_> = params.iter().map(|(info, value)| row(info.name, value)).collect();
+        let all: Vec<_> =
+            params.iter().map(|(info, value)| Parameter::new(info.name, value)).collect();
         let rows = Row::of_all(&all);
         assert_eq!(rows[0].name, LAW);
         assert_eq!(rows[1].name, "PID_TRIM_RAD_S");
@@ -266,6 +263,6 @@ mod tests {
         assert!(note.contains("not used by law 2 (PID_LAW), but by law 0"), "{note}");
         assert!(note.contains("polarity check"), "{note}");
         // A vehicle without the parameter tells nothing of its laws.
-        assert_eq!(Row::of(&row("PID_KP", 1.0), None).unused_by_law, None);
+        assert_eq!(Row::of(&Parameter::new("PID_KP", 1.0), None).unused_by_law, None);
     }
 }

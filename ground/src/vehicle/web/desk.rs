@@ -33,9 +33,9 @@ use client::{Parameter, Request};
 use serde::Deserialize;
 
 use super::auth::{Once, Token};
-use super::handle::{Condition, Handle, Recording};
+use super::handle::{Answer, Condition, Handle};
 use super::model::set_up::Step;
-use super::model::{Model, State, Test};
+use super::model::{Model, ParameterRow, State, Test};
 use super::rig::{self, RigControl};
 use super::vehicle_thread::guard;
 use super::{manoeuvre, report, set_up};
@@ -220,9 +220,9 @@ impl Desk {
     /// Disarms. A fault that stays is no reason to press again: the rudder rests.
     pub fn stop(&self) -> Outcome {
         self.end();
-        let answer = self.vehicle.order(DISARM, Condition::default());
+        let answer = self.vehicle.request(Request::Order(DISARM), Condition::default());
         Box::pin(async {
-            let Err(error) = answer.await else {
+            let Err(error) = answer.come().await else {
                 return Ok(None);
             };
             match error.downcast_ref().and_then(guard::fault_that_stays) {
@@ -249,17 +249,13 @@ impl Desk {
             Order::Reload => request::RELOAD,
             Order::Reset => request::RESET,
             Order::Set { name, value } => return self.set(name, value, condition),
-            Order::WriteFile => return Ok(told(self.parameter_file()?)),
-            Order::ReadFile { text } => return Ok(told(read_file(&text)?)),
+            Order::WriteFile => return Ok(done(Some(self.parameter_file()?))),
+            Order::ReadFile { text } => return Ok(done(Some(read_file(&text)?))),
             Order::Record => {
                 idle(&self.model.lock())?;
-                let path = self.vehicle.record(Recording::Flight);
-                return Ok(Box::pin(async { path.await.map(|_| None) }));
+                return Ok(once_done(self.vehicle.record(None)));
             }
-            Order::EndRecord => {
-                let ended = self.vehicle.end_recording();
-                return Ok(Box::pin(async { ended.await.map(|()| None) }));
-            }
+            Order::EndRecord => return Ok(once_done(self.vehicle.end_recording())),
             Order::Step { seconds } => return self.test(Manoeuvre::STEP.lasting(seconds)?),
             Order::Hold { seconds } => return self.test(Manoeuvre::HOLD.lasting(seconds)?),
             Order::Chirp { seconds } => return self.test(Manoeuvre::CHIRP.lasting(seconds)?),
@@ -270,23 +266,22 @@ impl Desk {
             }
             Order::SetUp { step } => {
                 self.set_up(step)?;
-                return Ok(done());
+                return Ok(done(None));
             }
             Order::Answer { question, reply } => {
                 self.model.lock().set_up.answer(question, reply)?;
-                return Ok(done());
+                return Ok(done(None));
             }
             Order::Cancel => {
                 ensure!(self.model.lock().set_up.running, "nothing is under way");
                 self.end();
-                return Ok(done());
+                return Ok(done(None));
             }
         };
         if order == request::ARM || order == request::RELEASE {
             self.armed.store(true, Ordering::SeqCst);
         }
-        let answer = self.vehicle.order(order, condition);
-        Ok(Box::pin(async { answer.await.map(|()| None) }))
+        Ok(once_done(self.vehicle.request(Request::Order(order), condition)))
     }
 
     /// Until when an order of a page may be given that has heard of this time.
@@ -308,20 +303,20 @@ impl Desk {
     /// Sets a parameter that the vehicle has, to a value that it can have.
     fn set(&self, name: String, value: f32, condition: Condition) -> Result<Outcome> {
         let state = self.model.lock();
-        let Some(known) = state.parameters.iter().find(|row| row.is(&name)) else {
+        let Some(known) = state.parameters.iter().find(|known| known.row.name == name) else {
             bail!("the vehicle has no parameter of this name");
         };
         known.admit(value)?;
         drop(state);
         let set = Request::Set(Parameter { name, value });
-        let answer = self.vehicle.request(set, condition);
-        Ok(Box::pin(async { answer.await.map(|()| None) }))
+        Ok(once_done(self.vehicle.request(set, condition)))
     }
 
     /// The text of a parameter file, as `tvc param dump` writes it.
     fn parameter_file(&self) -> Result<String> {
         let state = self.model.lock();
-        let rows: Vec<_> = state.parameters.iter().map(|row| row.plain()).collect();
+        let rows = state.parameters.iter().map(|ParameterRow { row, .. }| row);
+        let rows: Vec<_> = rows.map(|row| Parameter::new(&*row.name, row.value)).collect();
         ensure!(!rows.is_empty(), "the vehicle's parameters are not known yet");
         Ok(param_file::text(&rows))
     }
@@ -335,7 +330,7 @@ impl Desk {
         let (vehicle, model) = (self.vehicle.clone(), self.model.clone());
         let stop = self.test_stop;
         std::thread::spawn(move || manoeuvre::run(manoeuvre, &vehicle, &model, stop));
-        Ok(done())
+        Ok(done(None))
     }
 
     /// Begins a step of the set-up.
@@ -406,9 +401,14 @@ fn read_file(text: &str) -> Result<String> {
     Ok(text)
 }
 
+/// What becomes of an order once the answer comes.
+fn once_done<T: Send + 'static>(answer: Answer<T>) -> Outcome {
+    Box::pin(async { answer.come().await.map(|_| None) })
+}
+
 /// An outcome that is there already.
-fn told(note: String) -> Outcome {
-    Box::pin(async { Ok(Some(note)) })
+fn done(note: Option<String>) -> Outcome {
+    Box::pin(async { Ok(note) })
 }
 
 /// Nothing is being recorded or tested.
@@ -425,9 +425,4 @@ fn idle(state: &State) -> Result<()> {
 fn not_set_up(state: &State) -> Result<()> {
     ensure!(!state.set_up.running, "a step of the set-up is under way: end it first");
     Ok(())
-}
-
-/// What is done with nothing to know about it.
-fn done() -> Outcome {
-    Box::pin(async { Ok(None) })
 }

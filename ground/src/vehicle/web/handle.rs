@@ -1,16 +1,12 @@
 //! How the page's tasks ask the thread that owns the port.
 
-use std::future::Future;
 use std::path::PathBuf;
-use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
-use std::task::{Context, Poll};
 use std::time::Instant;
 
 use anyhow::{Result, anyhow};
 use client::Request;
-use client::request::Order;
 use tokio::sync::oneshot::{self, error::TryRecvError};
 
 /// Where an answer goes.
@@ -20,8 +16,8 @@ pub type Reply<T> = oneshot::Sender<Result<T>>;
 pub enum Ask {
     /// A request to the vehicle.
     Request(Request, Condition, Reply<()>),
-    /// A log from now on; the answer is its path.
-    Record(Recording, Reply<PathBuf>),
+    /// A log from now on, of the test of this name or of whatever happens; the answer is its path.
+    Record(Option<&'static str>, Reply<PathBuf>),
     /// The end of the log.
     EndRecording(Reply<()>),
     /// Every frame of the vehicle from now on, until the receiver has gone.
@@ -52,25 +48,6 @@ impl Condition {
     /// Whether its time is over.
     pub fn is_over(&self) -> bool {
         self.until.is_some_and(|until| Instant::now() > until)
-    }
-}
-
-/// What is recorded, and so how its log is called.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Recording {
-    /// Whatever happens until it is ended.
-    Flight,
-    /// A test of this name, which begins the estimate anew by itself.
-    Test(&'static str),
-}
-
-impl Recording {
-    /// The beginning of its log's name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Flight => "flight",
-            Self::Test(name) => name,
-        }
     }
 }
 
@@ -107,15 +84,10 @@ impl Handle {
         self.ask(|reply| Ask::Request(request, condition, reply))
     }
 
-    /// Gives an order. The answer is as of [`Handle::request`].
-    pub fn order(&self, order: Order, condition: Condition) -> Answer<()> {
-        self.request(Request::Order(order), condition)
-    }
-
-    /// Begins a log; the answer is its path, or an error if another log is being written, the
+    /// Begins a log of a test or of whatever happens; the answer is its path, or an error if another log is being written, the
     /// folder takes no file, or there is no port.
-    pub fn record(&self, recording: Recording) -> Answer<PathBuf> {
-        self.ask(|reply| Ask::Record(recording, reply))
+    pub fn record(&self, test: Option<&'static str>) -> Answer<PathBuf> {
+        self.ask(|reply| Ask::Record(test, reply))
     }
 
     /// Ends the log. The answer is an error if it could not be written, or there is no port.
@@ -164,14 +136,13 @@ impl<T> Answer<T> {
             Err(TryRecvError::Closed) => Some(Err(ending())),
         }
     }
-}
 
-impl<T> Future for Answer<T> {
-    type Output = Result<T>;
-
-    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Result<T>> {
-        let answer = Pin::new(&mut self.0).poll(context);
-        answer.map(|answer| answer.unwrap_or_else(|_| Err(ending())))
+    /// The answer, once it comes.
+    ///
+    /// # Errors
+    /// As [`Answer::wait`].
+    pub async fn come(self) -> Result<T> {
+        self.0.await.unwrap_or_else(|_| Err(ending()))
     }
 }
 

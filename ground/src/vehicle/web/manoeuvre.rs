@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::{Context, Result, ensure};
 use serde_json::{Value, json};
 
-use super::handle::{Handle, Recording};
+use super::handle::Handle;
 use super::model::{Model, Test};
 use super::relay;
 use crate::logs::report::{self, sweep};
@@ -28,7 +28,7 @@ pub fn run(manoeuvre: Manoeuvre, vehicle: &Handle, model: &Model, stop: &'static
             result,
         };
     };
-    let recording = vehicle.record(Recording::Test(manoeuvre.name())).wait();
+    let recording = vehicle.record(Some(manoeuvre.name())).wait();
     let result = recording.and_then(|path| {
         log = path.display().to_string();
         let mut shown = String::new();

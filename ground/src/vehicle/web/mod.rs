@@ -26,7 +26,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Error, Result, anyhow};
+use anyhow::{Context, Error, Result, anyhow, bail};
 use clap::Args;
 use tokio::runtime;
 use tokio::time::sleep;
@@ -96,11 +96,10 @@ pub struct Web {
 /// No port, no folder for logs, an address that is taken, or a log that cannot be ended.
 pub fn run(options: &Web) -> Result<Verdict> {
     if !options.logs.is_dir() {
-        return Err(BadInput::new(format!(
+        bail!(BadInput::new(format!(
             "no folder {}: make it, or name another with --logs",
             options.logs.display()
-        ))
-        .into());
+        )));
     }
     let stop = signals::on_signal()?;
     let listener = listen(options.listen)?;
@@ -154,7 +153,6 @@ pub fn run(options: &Web) -> Result<Verdict> {
     }
     listener.set_nonblocking(true)?;
     let begun = Instant::now();
-    let longest = options.seconds.map(Duration::from_secs_f64);
     std::thread::scope(|scope| {
         let _ending = Ending(stop);
         let (port, logs, shown) = (&options.port, &options.logs, &*model);
@@ -165,7 +163,9 @@ pub fn run(options: &Web) -> Result<Verdict> {
                 match server::serve(listener, desk.clone(), &options.admission).await {}
             };
             let over = async {
-                while !signals::asked(stop, begun.elapsed(), longest) && !vehicle.is_finished() {
+                while !signals::asked(stop, begun.elapsed(), options.seconds)
+                    && !vehicle.is_finished()
+                {
                     sleep(LOOK).await;
                 }
                 Ok::<_, Error>(())

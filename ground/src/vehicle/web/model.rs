@@ -8,7 +8,7 @@ use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Result, ensure};
-use client::{LinkHealth, Parameter};
+use client::LinkHealth;
 use serde::Serialize;
 use serde_json::Value;
 use tvc_nano::Params;
@@ -137,17 +137,15 @@ pub struct ParameterRow {
 impl ParameterRow {
     /// A parameter by this tool's own table, and what is stored of it.
     pub fn of(row: Row, stored: Option<f32>) -> Self {
-        let index = Params::index_of(&row.name);
-        let info = index.and_then(|index| tvc_nano::params::TABLE.get(index));
+        let info = Params::info(&row.name);
+        let (between, choices) = match info.map(|info| &info.range) {
+            Some(Range::Between(low, high)) => (Some([*low, *high]), None),
+            Some(Range::OneOf(choices)) => (None, Some(choices.to_vec())),
+            None => (None, None),
+        };
         Self {
-            between: info.and_then(|info| match info.range {
-                Range::Between(low, high) => Some([low, high]),
-                Range::OneOf(_) => None,
-            }),
-            choices: info.and_then(|info| match info.range {
-                Range::Between(..) => None,
-                Range::OneOf(choices) => Some(choices.to_vec()),
-            }),
+            between,
+            choices,
             live: info.is_none_or(|info| info.change == Change::Live),
             measured: is_measured(&row.name),
             group: row.group(),
@@ -156,31 +154,14 @@ impl ParameterRow {
         }
     }
 
-    /// Its name and value alone.
-    pub fn plain(&self) -> Parameter {
-        Parameter { name: self.row.name.clone(), value: self.row.value }
-    }
-
-    /// Whether it has this name.
-    pub fn is(&self, name: &str) -> bool {
-        self.row.name == name
-    }
-
     /// Lets a value through that the parameter can have.
     ///
     /// # Errors
     /// The value is out of range or no number.
     pub fn admit(&self, value: f32) -> Result<()> {
-        let among = |choices: &Vec<f32>| choices.contains(&value);
-        let within = |[low, high]: [f32; 2]| (low..=high).contains(&value);
-        ensure!(
-            value.is_finite()
-                && self.between.is_none_or(within)
-                && self.choices.as_ref().is_none_or(among),
-            "{} must be {}",
-            self.row.name,
-            self.row.range
-        );
+        let Row { name, range, .. } = &self.row;
+        let is_allowed = Params::info(name).is_none_or(|info| info.range.contains(value));
+        ensure!(value.is_finite() && is_allowed, "{name} must be {range}");
         Ok(())
     }
 }

@@ -117,7 +117,7 @@ impl Releases {
         let flight = Flight::of(&Log { entries, ..Log::default() });
         let releases = flight.releases();
         let release = releases.first()?;
-        let servo = ServoMap::of(&flight.parameters());
+        let servo = ServoMap::of(&flight.parameters(), Axis::Pitch);
         let pitch = release.trace(Step::pitch_rad);
         let rudder = release.trace(|step| servo.angle_rad(step.pulses_us[0]));
         let every = pitch.len().div_ceil(POINTS).max(1);
@@ -136,9 +136,7 @@ impl Releases {
             set_deg,
             start_deg: pitch[0].1.to_degrees() - set_deg,
             // There is none where the set point moved.
-            run: json!(report::figures(&flight))
-                .pointer_mut("/runs/0")
-                .map_or(Value::Null, Value::take),
+            run: json!(report::figures(&flight))["runs"][0].clone(),
             stayed: release.stayed,
             changes: changes(&before, &self.parameters),
             trace: both.map(point).collect(),
@@ -172,7 +170,7 @@ mod tests {
     fn flown(releases: &mut Releases, kp: f32, from: StateKind) -> Option<Vec<Release>> {
         let circumstances = || Circumstances {
             parameters: [("PID_KP", kp), ("CLK_FINE", kp)]
-                .map(|(name, value)| Parameter { name: name.into(), value })
+                .map(|(name, value)| Parameter::new(name, value))
                 .into(),
             test: None,
             log: None,

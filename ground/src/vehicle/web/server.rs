@@ -250,10 +250,8 @@ fn is_of_own_page(head: &HeaderMap) -> bool {
     let Some(host) = text(header::HOST).filter(|host| is_own_host(host)) else {
         return false;
     };
-    match head.get(header::ORIGIN) {
-        Some(_) => text(header::ORIGIN).and_then(|from| from.strip_prefix("http://")) == Some(host),
-        None => true,
-    }
+    let from = text(header::ORIGIN).and_then(|from| from.strip_prefix("http://"));
+    !head.contains_key(header::ORIGIN) || from == Some(host)
 }
 
 fn plain(status: StatusCode, text: &str) -> hyper::http::Result<Answer> {

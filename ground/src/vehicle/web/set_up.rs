@@ -9,13 +9,14 @@ use std::sync::atomic::AtomicBool;
 use ::report::measure::Figures;
 use anyhow::Result;
 use calibration::coverage::Coverage;
+use calibration::{STANDARD_GRAVITY, Wanted};
 
 use super::handle::Handle;
 use super::model::Model;
 use super::model::set_up::{Question, Step};
 use super::{logs, relay};
 use crate::vehicle::calibrate::keyboard::Typed;
-use crate::vehicle::calibrate::options::{Calibrate, Files, Servo};
+use crate::vehicle::calibrate::options::{Files, Servo};
 use crate::vehicle::calibrate::person::{self, Ending, Person};
 use crate::vehicle::calibrate::session::Session;
 use crate::vehicle::calibrate::{guided, hold, polarity, servo};
@@ -73,19 +74,11 @@ impl Person for Page {
         Ok(())
     }
 
-    fn ask(&mut self, question: &person::Question<'_>) {
-        let buttons = question.buttons.iter();
-        let buttons = buttons.map(|(label, reply)| [*label, *reply].map(str::to_owned));
+    fn ask(&mut self, question: &person::Question) {
         let now = &mut *self.0.lock().set_up;
         now.asked += 1;
         now.share = None;
-        now.question = Some(Question {
-            id: now.asked,
-            words: question.words.to_owned(),
-            buttons: buttons.collect(),
-            entry: question.entry.map(str::to_owned),
-            again: question.again,
-        });
+        now.question = Some(Question { id: now.asked, asked: question.clone() });
     }
 
     fn poll(&mut self) -> Typed {
@@ -106,38 +99,30 @@ pub fn run(
     logs: &Path,
     stop: &'static AtomicBool,
 ) {
-    let led = catch_unwind(AssertUnwindSafe(|| lead(step, vehicle, model, logs, stop)));
-    let ending = match led {
+    let lead = || -> Result<Ending> {
+        let vehicle = Vehicle::at(relay::link(vehicle.clone()))?;
+        let mut session = Session::new(vehicle, Box::new(Page(model.clone())), stop, false)?;
+        Ok(match step {
+            Step::Sensors => {
+                let files = Files::beside(&logs::free(logs, "calibration")?);
+                let wanted = Wanted { only: Vec::new(), gravity: STANDARD_GRAVITY, level_s: None };
+                let (_, ending, written) = guided::calibrate(&mut session, &wanted, None, &files)?;
+                if let Err(why) = written {
+                    session.say(&format!("{why:#}"));
+                }
+                ending
+            }
+            Step::Servo => servo::set_up(&mut session, &Servo::default())?.1,
+            Step::Polarity => polarity::check(&mut session)?.1,
+            Step::Hold => hold::measure(&mut session, HOLD_S)?.1,
+        })
+    };
+    let ending = match catch_unwind(AssertUnwindSafe(lead)) {
         Ok(Ok(ending)) => ending,
         Ok(Err(error)) => Ending::unchanged(format!("{error:#}")),
         Err(_) => Ending::unchanged("this step broke off"),
     };
     model.lock().set_up.end(ending);
-}
-
-fn lead(
-    step: Step,
-    vehicle: &Handle,
-    model: &Arc<Model>,
-    logs: &Path,
-    stop: &'static AtomicBool,
-) -> Result<Ending> {
-    let vehicle = Vehicle::at(relay::link(vehicle.clone()))?;
-    let mut session = Session::new(vehicle, Box::new(Page(model.clone())), stop, false)?;
-    Ok(match step {
-        Step::Sensors => {
-            let files = Files::beside(&logs::free(logs, "calibration")?);
-            let (_, ending, written) =
-                guided::calibrate(&mut session, &Calibrate::guided(), &files)?;
-            if let Err(why) = written {
-                session.say(&format!("{why:#}"));
-            }
-            ending
-        }
-        Step::Servo => servo::set_up(&mut session, &Servo::default())?.1,
-        Step::Polarity => polarity::check(&mut session)?.1,
-        Step::Hold => hold::measure(&mut session, HOLD_S)?.1,
-    })
 }
 
 #[cfg(test)]
@@ -153,7 +138,7 @@ mod tests {
             answered.is_ok()
         };
         let question = person::Question {
-            words: "Is it so?",
+            words: "Is it so?".to_owned(),
             keys: "",
             buttons: &[("Yes", "y")],
             entry: None,

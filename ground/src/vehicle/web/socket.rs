@@ -9,7 +9,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use futures_util::stream::FuturesUnordered;
 use futures_util::{SinkExt, StreamExt};
 use hyper::upgrade::Upgraded;
@@ -124,23 +124,17 @@ async fn serve(socket: &mut Socket, visitor: Visitor, desk: &Arc<Desk>) -> Resul
                 let most = if message.is_stop() { 2 * ORDERS } else { ORDERS };
                 let id = message.id;
                 if let Err(refusal) = visitor.admit(&message) {
-                    let answer = json!({ "id": id, "error": format!("{refusal:#}") });
-                    send(socket, Frame::text(answer.to_string())).await?;
+                    answer(socket, id, Err(refusal)).await?;
                 } else if answers.len() < most {
                     let outcome = desk.give(message);
                     answers.push(async move { (id, outcome.await) });
                 } else {
-                    let why = "too many orders wait for their answers: press again";
-                    let answer = json!({ "id": id, "error": why });
-                    send(socket, Frame::text(answer.to_string())).await?;
+                    let why = anyhow!("too many orders wait for their answers: press again");
+                    answer(socket, id, Err(why)).await?;
                 }
             }
             Some((id, outcome)) = answers.next(), if !answers.is_empty() => {
-                let answer = match outcome {
-                    Ok(note) => json!({ "id": id, "note": note }),
-                    Err(error) => json!({ "id": id, "error": format!("{error:#}") }),
-                };
-                send(socket, Frame::text(answer.to_string())).await?;
+                answer(socket, id, outcome).await?;
             }
             _ = ping.tick() => {
                 if heard.elapsed() > GONE {
@@ -156,6 +150,15 @@ async fn serve(socket: &mut Socket, visitor: Visitor, desk: &Arc<Desk>) -> Resul
             }
         }
     }
+}
+
+/// Tells what has become of an order.
+async fn answer(socket: &mut Socket, id: u64, outcome: Result<Option<String>>) -> Result<()> {
+    let answer = match outcome {
+        Ok(note) => json!({ "id": id, "note": note }),
+        Err(error) => json!({ "id": id, "error": format!("{error:#}") }),
+    };
+    send(socket, Frame::text(answer.to_string())).await
 }
 
 /// Sends a message, which a page that is still there takes soon.

@@ -21,12 +21,13 @@ use client::{Frame, Request, ServoMap, StateKind, StatusTracker, Ticket};
 use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
 use tvc_nano::{Axis, Params};
 
-use super::handle::{Ask, Condition, Recording, Reply};
+use super::handle::{Ask, Condition, Reply};
 use super::logs;
 use super::model::{Model, VehicleStatus};
 use super::releases::Releases;
 use crate::vehicle::link::Link;
 use crate::vehicle::port::PortOptions;
+use crate::vehicle::watch::FS_HOST;
 use guard::HostWatch;
 use readiness::Readiness;
 use stored::Stored;
@@ -172,7 +173,7 @@ impl<'a> Session<'a> {
         Self {
             model,
             logs,
-            tracker: StatusTracker::new(Axis::ALL.map(|axis| ServoMap::of_axis(&params, axis))),
+            tracker: StatusTracker::new(Axis::ALL.map(|axis| ServoMap::of(&params, axis))),
             state: link.client().state(),
             attitudes: 0,
             health: SYS_STATUS_DATA::default(),
@@ -252,8 +253,8 @@ impl<'a> Session<'a> {
     fn take(&mut self, ask: Ask) -> Result<()> {
         match ask {
             Ask::Request(request, condition, reply) => self.take_request(request, condition, reply),
-            Ask::Record(recording, reply) => {
-                let begun = self.record(recording);
+            Ask::Record(test, reply) => {
+                let begun = self.record(test);
                 // Whoever is answered finds it in the status.
                 self.publish_status();
                 let _ = reply.send(begun);
@@ -302,14 +303,14 @@ impl<'a> Session<'a> {
         let stores = [SAVE, RELOAD, RESET].map(Request::Order);
         if request == stores[0] && self.host.is_on() {
             // What is stored is not this program's.
-            self.request(HostWatch::set(0.0));
+            self.link.request(guard::set(FS_HOST, 0.0));
         }
         let stores = stores.contains(&request);
-        let ticket = self.request(request);
+        let ticket = self.link.request(request);
         if is_stop {
             self.stopping = Some(ticket);
             if let Some(end) = self.end_of_polarity_check() {
-                self.request(end);
+                self.link.request(end);
             }
         }
         if stores {
@@ -318,24 +319,19 @@ impl<'a> Session<'a> {
         self.waiting.push(Waiting { ticket, condition, replies: vec![reply] });
     }
 
-    fn request(&mut self, request: Request) -> Ticket {
-        let now = self.link.now();
-        self.link.client().request(now, request)
-    }
-
-    fn record(&mut self, recording: Recording) -> Result<PathBuf> {
+    fn record(&mut self, test: Option<&str>) -> Result<PathBuf> {
         if let Some(path) = &self.recording {
             bail!("{} is being recorded: end it first", path.display());
         }
-        let (log, path) = logs::create(self.logs, recording.name())?;
+        let (log, path) = logs::create(self.logs, test.unwrap_or("flight"))?;
         self.link.log_to(log);
         self.recording = Some(path.clone());
         self.recording_failure = None;
-        // So that the log can be replayed: all parameters, and an estimate whose past is known. A
-        // refusal is a text of the vehicle, which the page shows.
-        self.list = Some(self.request(Request::List));
-        if recording == Recording::Flight && !self.is_in_operation() {
-            self.request(Request::Order(request::CALIBRATE));
+        // So that the log can be replayed: all parameters, and an estimate whose past is known; a
+        // test begins it anew by itself. A refusal is a text of the vehicle, which the page shows.
+        self.list = Some(self.link.request(Request::List));
+        if test.is_none() && !self.is_in_operation() {
+            self.link.request(Request::Order(request::CALIBRATE));
         }
         Ok(path)
     }
@@ -383,7 +379,7 @@ impl<'a> Session<'a> {
         if stored && self.storing.is_none() {
             // Both may have changed.
             self.stored.read_anew();
-            self.list = Some(self.request(Request::List));
+            self.list = Some(self.link.request(Request::List));
         }
         let client = self.link.client();
         if self.list.is_some_and(|list| client.answer(list).is_some()) {
@@ -399,11 +395,11 @@ impl<'a> Session<'a> {
         let now = self.link.now();
         let client = self.link.client();
         if self.list.is_none() && client.heard().is_some() && !client.has_all_parameters() {
-            self.list = Some(client.request(now, Request::List));
+            self.list = Some(self.link.request(Request::List));
         }
         if now >= self.round_trip_due {
             self.round_trip_due = now + ROUND_TRIP;
-            client.send(&request::time(now.as_nanos() as i64));
+            self.link.client().send(&request::time(now.as_nanos() as i64));
         }
     }
 }

@@ -76,7 +76,7 @@ pub fn asked(bytes: &[u8], number: u64) -> Outcome {
         0 => drop(vehicle.parameters()),
         1 => drop(vehicle.recording()),
         2 => {
-            let _ = info::vehicle::ask_it(&mut vehicle, Some("0123abcd")).map(|told| {
+            let _ = info::vehicle::ask(&mut vehicle, Some("0123abcd")).map(|told| {
                 let figures = Figures::from(told.figures());
                 (figures.text(), serde_json::to_string(&figures))
             });
@@ -89,7 +89,7 @@ pub fn asked(bytes: &[u8], number: u64) -> Outcome {
 
 /// As `tvc monitor` shows it.
 fn watched(vehicle: &mut Vehicle) -> Outcome {
-    let servos = Axis::ALL.map(|axis| ServoMap::of_axis(&Params::default(), axis));
+    let servos = Axis::ALL.map(|axis| ServoMap::of(&Params::default(), axis));
     let mut tracker = StatusTracker::new(servos);
     while let Ok(frames) = vehicle.receive() {
         for frame in frames {

@@ -4,7 +4,7 @@ use anyhow::{Result, ensure};
 use calibration::coverage::{AROUND, BANDS};
 use serde::{Deserialize, Serialize};
 
-use crate::vehicle::calibrate::person::Ending;
+use crate::vehicle::calibrate::person::{self, Ending};
 
 /// A step of the set-up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
@@ -60,13 +60,8 @@ pub struct Question {
     /// Its number: an answer to another one counts for nothing.
     pub id: u64,
     /// The question itself.
-    pub words: String,
-    /// Buttons, each with its reply.
-    pub buttons: Vec<[String; 2]>,
-    /// What may be typed.
-    pub entry: Option<String>,
-    /// The same question as before.
-    pub again: bool,
+    #[serde(flatten)]
+    pub asked: person::Question,
 }
 
 impl SetUp {

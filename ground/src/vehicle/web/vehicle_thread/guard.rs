@@ -45,16 +45,11 @@ impl HostWatch {
     pub(super) fn before(&mut self, request: &Request) {
         self.chosen |= matches!(request, Request::Set(row) if row.name == FS_HOST);
     }
-
-    /// To set it.
-    pub(super) fn set(value: f32) -> Request {
-        set(FS_HOST, value)
-    }
 }
 
-fn set(name: &str, value: f32) -> Request {
-    let name = name.to_owned();
-    Request::Set(Parameter { name, value })
+/// To set a parameter.
+pub(super) fn set(name: &str, value: f32) -> Request {
+    Request::Set(Parameter::new(name, value))
 }
 
 impl Session<'_> {
@@ -71,7 +66,7 @@ impl Session<'_> {
         if is_off && !is_busy && !self.host.chosen {
             self.host.on = true;
             self.host.due = now + RETRY;
-            self.host.asked = Some(self.request(HostWatch::set(1.0)));
+            self.host.asked = Some(self.link.request(set(FS_HOST, 1.0)));
         }
     }
 
@@ -87,7 +82,7 @@ impl Session<'_> {
     pub(super) fn await_listeners(&mut self, asks: &Receiver<Ask>) -> Result<()> {
         let is_flown = !self.listeners.is_empty() && self.is_in_operation();
         if is_flown {
-            self.request(Request::Order(DISARM));
+            self.link.request(Request::Order(DISARM));
         }
         let end = self.link.now() + LAST;
         while !self.listeners.is_empty() && self.link.now() < end {
@@ -112,22 +107,20 @@ impl Session<'_> {
                 Some(Err(failure)) => {
                     say(&fault_that_stays(&failure).unwrap_or_else(|| failure.to_string()));
                 }
-                None => {
-                    return say(CUT_POWER);
-                }
+                None => return say(CUT_POWER),
             }
         }
         if let Some(end) = self.end_of_polarity_check() {
             self.last(end);
         }
         if self.host.is_on() {
-            self.last(HostWatch::set(0.0));
+            self.last(set(FS_HOST, 0.0));
         }
     }
 
     /// The answer to a last request; nothing if there is none in time.
     fn last(&mut self, request: Request) -> Option<Result<(), Failure>> {
-        let ticket = self.request(request);
+        let ticket = self.link.request(request);
         let end = self.link.now() + LAST;
         while self.link.now() < end {
             let received = self.link.receive();

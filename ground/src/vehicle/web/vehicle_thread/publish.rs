@@ -48,19 +48,12 @@ impl Session<'_> {
     /// Whether the page's frame has changed.
     fn on_message(&mut self, message: &MavMessage) -> bool {
         match message {
-            MavMessage::ATTITUDE_QUATERNION(_) => {
-                self.attitudes += 1;
-                return true;
-            }
-            MavMessage::SERVO_OUTPUT_RAW(m) => {
-                self.step_us = m.time_usec;
-                return true;
-            }
+            MavMessage::ATTITUDE_QUATERNION(_) => self.attitudes += 1,
+            MavMessage::SERVO_OUTPUT_RAW(m) => self.step_us = m.time_usec,
             MavMessage::RAW_IMU(m) => {
                 // Both are the vehicle's clock; the pulse's has 32 bits.
                 let age_us = self.step_us.wrapping_sub(m.time_usec as u32);
                 self.latency_ms = f64::from(age_us) * 1e-3;
-                return true;
             }
             MavMessage::SYS_STATUS(m) => self.health = m.clone(),
             MavMessage::STATUSTEXT(m) => {
@@ -80,7 +73,12 @@ impl Session<'_> {
             }
             _ => {}
         }
-        false
+        matches!(
+            message,
+            MavMessage::ATTITUDE_QUATERNION(_)
+                | MavMessage::SERVO_OUTPUT_RAW(_)
+                | MavMessage::RAW_IMU(_)
+        )
     }
 
     /// Publishes the parameters, if all are known and something about them has changed.
@@ -103,7 +101,7 @@ impl Session<'_> {
         let settling = self.is_settling();
         let status = self.tracker.peek();
         let servo = |axis, pulse_us| {
-            let map = ServoMap::of_axis(&self.params, axis);
+            let map = ServoMap::of(&self.params, axis);
             rounded(map.angle_rad(pulse_us).to_degrees())
         };
         let roll = status.second_servo.map(|second| RollMotion {

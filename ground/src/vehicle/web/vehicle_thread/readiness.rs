@@ -43,7 +43,7 @@ impl Session<'_> {
         }
         self.readiness.due = now + PERIOD;
         if client.state() == Some(StateKind::Standby) {
-            self.readiness.asked = Some(self.request(Request::Order(MAY_ARM)));
+            self.readiness.asked = Some(self.link.request(Request::Order(MAY_ARM)));
         } else {
             self.readiness.answer = None;
         }

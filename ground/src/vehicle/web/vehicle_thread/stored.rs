@@ -72,7 +72,7 @@ impl Session<'_> {
             && self.list.is_none();
         if is_free {
             let order = bringup(What::Peek, address);
-            self.stored.asked = Some(self.request(Request::Order(order)));
+            self.stored.asked = Some(self.link.request(Request::Order(order)));
         }
     }
 

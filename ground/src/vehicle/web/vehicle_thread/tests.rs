@@ -126,7 +126,7 @@ fn of_two_pages_that_record_one_does_and_it_ends_though_the_vehicle_is_silent() 
     let (_vehicle, mut session) = session(&model, folder.path());
     let mut record = || {
         let (reply, mut answer) = oneshot::channel();
-        let ask = Ask::Record(Recording::Flight, reply);
+        let ask = Ask::Record(None, reply);
         session.take(ask).unwrap();
         answer.try_recv().unwrap()
     };
