@@ -25,7 +25,7 @@ use super::{
     EarthField, Hardware, Knock, Magnet, Since, TimedFault, Wiring, fault_schedule, stimulus,
 };
 use crate::bno055::{Bno055, Fault, ImuErrors, Stimulus};
-use crate::observe::ground_truth::{GroundTruth, Motion, Roll};
+use crate::observe::ground_truth::{GroundTruth, Motion};
 use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
 use crate::observe::waves::Waves;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -306,25 +306,15 @@ impl Environment {
 
     /// What is seen of drone and servos; the clamp moves a held drone at `tilt_rad_s`.
     fn seen(&self, now: Ticks, cranks: [Crank; 2], tilt_rad_s: [f64; 2]) -> Motion {
-        let [pitch_rad, roll_rad] = self.vehicle.level_tilt_rad(self.heading_rad);
         let [roll_rate, pitch_rate, _] = self.vehicle.rates_rad_s();
         let [pitch_tilt, roll_tilt] = tilt_rad_s;
-        let [rudder_rad, roll_rudder_rad] = self.vehicle.rudders_rad();
-        let [target_rad, roll_target_rad] = self.targets_rad();
         Motion {
             time: now,
-            pitch_rad,
-            rate_rad_s: pitch_rate + pitch_tilt,
-            rudder_rad,
-            crank_rad: cranks[0].angle_rad,
-            target_rad,
-            roll: Roll {
-                roll_rad,
-                rate_rad_s: roll_rate + roll_tilt,
-                rudder_rad: roll_rudder_rad,
-                crank_rad: cranks[1].angle_rad,
-                target_rad: roll_target_rad,
-            },
+            tilt_rad: self.vehicle.level_tilt_rad(self.heading_rad),
+            rates_rad_s: [pitch_rate + pitch_tilt, roll_rate + roll_tilt],
+            rudders_rad: self.vehicle.rudders_rad(),
+            cranks_rad: cranks.map(|crank| crank.angle_rad),
+            targets_rad: self.targets_rad(),
         }
     }
 

@@ -69,7 +69,7 @@ fn the_clamp_holds_tilts_and_lets_go() {
     assert_eq!(environment.vehicle().pitch_rad(), 0.0);
     environment.tilt_clamp_to([0.4, 0.0]);
     environment.advance(Ticks::from_ms(500));
-    assert!((environment.truth.motion.last().unwrap().rate_rad_s - 0.5).abs() < 1e-9);
+    assert!((environment.truth.motion.last().unwrap().rates_rad_s[0] - 0.5).abs() < 1e-9);
     environment.advance(Ticks::from_ms(1000));
     assert!(environment.clamp_rests());
     assert_eq!(environment.vehicle().pitch_rad(), 0.4);

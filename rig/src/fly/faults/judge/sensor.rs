@@ -126,8 +126,8 @@ impl SensorRun<'_> {
             .map(|motion| {
                 let at = self.reference.partition_point(|m| m.time < motion.time);
                 self.reference.get(at).map_or(f64::INFINITY, |m| {
-                    let roll = m.roll.roll_rad - motion.roll.roll_rad;
-                    (m.pitch_rad - motion.pitch_rad).hypot(roll)
+                    let [pitch, roll] = [0, 1].map(|axis| m.tilt_rad[axis] - motion.tilt_rad[axis]);
+                    pitch.hypot(roll)
                 })
             })
             .fold(0.0, f64::max)

@@ -269,13 +269,9 @@ impl SystemRun<'_> {
 
     /// How far the drone is from the flight without the fault, rad.
     fn astray(&self, axis: Axis, time: Ticks) -> f64 {
-        let angle = |motion: &Motion| match axis {
-            Axis::Pitch => motion.pitch_rad,
-            Axis::Roll => motion.roll.roll_rad,
-        };
         let at = |motions: &[Motion]| {
             let index = motions.partition_point(|motion| motion.time < time);
-            motions.get(index).or(motions.last()).map(angle)
+            motions.get(index).or(motions.last()).map(|motion| motion.tilt_rad[axis.index()])
         };
         at(&self.truth.motion).unwrap_or(f64::NAN) - at(self.reference).unwrap_or(f64::NAN)
     }
