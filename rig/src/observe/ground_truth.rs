@@ -102,6 +102,9 @@ pub struct Step {
     pub end: Ticks,
 }
 
+/// Longest time from the end of a burst to the step that works on it.
+const HAND_OVER: Ticks = Ticks::from_us(1000);
+
 /// Everything that was recorded, in order of time.
 #[derive(Clone, Debug, Default)]
 pub struct GroundTruth {
@@ -134,6 +137,14 @@ impl GroundTruth {
             Axis::Pitch => &self.pulses,
             Axis::Roll => &self.roll_pulses,
         }
+    }
+
+    /// The burst that a step works on: the newest one that had ended when the step began, unless
+    /// that was too long ago.
+    pub(crate) fn burst_of(&self, step: &Step) -> Option<&Burst> {
+        let ended = self.bursts.partition_point(|burst| burst.end <= step.start);
+        let burst = self.bursts.get(ended.checked_sub(1)?)?;
+        (step.start - burst.end <= HAND_OVER).then_some(burst)
     }
 
     /// The motion from `from` on.

@@ -8,8 +8,6 @@ use crate::fly::faults::{DEADLINE, Ending, Unsafe};
 use crate::ground_station::Heartbeat;
 use crate::observe::ground_truth::{GroundTruth, Motion};
 
-/// Longest time from the end of a burst to the step that works on it.
-const HAND_OVER: Ticks = Ticks::from_us(1000);
 /// A drone farther than this from its undisturbed flight has not recovered, rad.
 const OFF_COURSE_RAD: f64 = 0.1;
 /// The last part of a run, in which that is judged.
@@ -78,12 +76,9 @@ impl SensorRun<'_> {
 
     /// Ends of the steps that worked on a valid burst.
     fn valid_steps(&self) -> impl Iterator<Item = Ticks> {
-        self.truth.steps.iter().filter_map(|step| {
-            let ended = self.truth.bursts.partition_point(|b| b.end <= step.start);
-            let burst = self.truth.bursts.get(ended.checked_sub(1)?)?;
-            let used = burst.valid && step.start - burst.end <= HAND_OVER;
-            used.then_some(step.end)
-        })
+        let steps = self.truth.steps.iter();
+        let valid = steps.filter(|step| self.truth.burst_of(step).is_some_and(|burst| burst.valid));
+        valid.map(|step| step.end)
     }
 
     fn wrong_pulses(&self, rudder: &Rudder<'_>) -> Option<Unsafe> {
