@@ -4,7 +4,7 @@ use client::StateKind;
 use samd21::board::Ticks;
 
 use super::{Rudder, TRAVEL_US};
-use crate::fly::faults::{DEADLINE, Ending, Unsafe};
+use crate::fly::faults::{DEADLINE, Ending, Unsafe, Verdict};
 use crate::ground_station::Heartbeat;
 use crate::observe::ground_truth::{GroundTruth, Motion};
 
@@ -30,8 +30,8 @@ pub(crate) struct SensorRun<'a> {
     pub(crate) reset: bool,
 }
 
-/// The ending, and the longest time for which a rudder was without valid data.
-pub(crate) fn judge_sensor(run: &SensorRun<'_>) -> (Ending, Ticks) {
+/// The verdict on a run with a fault of the sensor or its cable.
+pub(crate) fn judge_sensor(run: &SensorRun<'_>) -> Verdict {
     let unguarded = run.rudders.iter().map(|rudder| run.longest_unguarded(rudder));
     let unguarded = unguarded.max().unwrap_or_default();
     let state = run.heartbeats.last().and_then(|beat| beat.state);
@@ -48,7 +48,7 @@ pub(crate) fn judge_sensor(run: &SensorRun<'_>) -> (Ending, Ticks) {
         (None, Some(StateKind::Failsafe)) => Ending::Neutral,
         (None, state) => Ending::Unsafe(Unsafe::State(state)),
     };
-    (ending, unguarded)
+    Verdict { unguarded, noticed: ending == Ending::Neutral, ..Verdict::new(ending) }
 }
 
 impl SensorRun<'_> {
@@ -162,7 +162,7 @@ mod tests {
     }
 
     fn judged(truth: &GroundTruth, heartbeats: &[Heartbeat]) -> (Ending, u64) {
-        let (ending, unguarded) = judge_sensor(&SensorRun {
+        let verdict = judge_sensor(&SensorRun {
             injected: Ticks::ZERO,
             frame: FRAME,
             rudders: vec![Rudder {
@@ -178,7 +178,7 @@ mod tests {
             heartbeats,
             reset: false,
         });
-        (ending, unguarded.as_us() / 1000)
+        (verdict.ending, verdict.unguarded.as_us() / 1000)
     }
 
     #[test]
