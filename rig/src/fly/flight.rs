@@ -508,7 +508,7 @@ pub(crate) struct Mark {
 
 impl Mark {
     pub(crate) fn of(rig: &Rig) -> Self {
-        Self { at: rig.now(), counters: rig.counters() }
+        Self { at: rig.now(), counters: rig.chip().counters() }
     }
 
     /// Share of the time between two marks for which the core was awake.

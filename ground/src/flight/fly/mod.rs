@@ -165,7 +165,7 @@ impl Stopwatch {
 
     /// Counts all that `rig` has run since power-on.
     fn boot(&mut self, rig: &rig::Rig) {
-        let asleep = Ticks(rig.counters().sleep_ticks);
+        let asleep = Ticks(rig.chip().counters().sleep_ticks);
         let busy = rig.now().saturating_sub(asleep);
         self.add(rig.now().as_secs_f64(), busy.as_secs_f64());
     }
