@@ -57,6 +57,9 @@ impl Shake {
 }
 
 impl SensorMotion {
+    /// A hand that holds it unsteadily.
+    pub const TREMBLE: Self = Self::Tremble(0.08);
+
     /// Rate about the sensor's axes, rad/s, `since_s` after the motion began.
     fn rate(&self, since_s: f64, attitude: &UnitQuaternion<f64>) -> Vector3<f64> {
         match *self {
