@@ -70,7 +70,6 @@ mod tests;
 
 pub use bus::{BusTiming, RareStretch};
 pub use config::{Config, Magnetometer, MagnetometerHealth, RefreshRates};
-pub use fault::Faults;
 pub use fault_kind::{Fault, FaultKind};
 pub use imperfections::{ImuErrors, WarmUp};
 pub use registers::Mode;
@@ -81,6 +80,7 @@ pub use signal::Stimulus;
 use crate::random::{Stream, generator};
 use access::LateWrite;
 use calibration::Calibration;
+use fault::Faults;
 use rand::{Rng, RngCore};
 use rand_chacha::ChaCha8Rng;
 use recordings::Recording;

@@ -7,7 +7,7 @@ use super::replay::Playback;
 use super::sample::Sample;
 use super::signal::Settings;
 use super::words::{FusionWords, Words, acc_per_m_s2, gyr_per_rad_s, mag_per_ut};
-use super::{Bno055, Fault, GROUPS, Refresh, RefreshRates};
+use super::{Bno055, FaultKind, GROUPS, Refresh, RefreshRates};
 use rand::Rng;
 use samd21::board::Ticks;
 
@@ -138,7 +138,7 @@ impl Bno055 {
                     self.faultless[words.clone()].copy_from_slice(&faultless[words]);
                 }
             }
-            if !self.faults.has(Fault::Frozen) && !self.faults.has(Fault::AllZero) {
+            if !self.faults.has(FaultKind::Frozen) && !self.faults.has(FaultKind::AllZero) {
                 self.write_data(at, &sample, &settings, sensors);
             }
         }
@@ -190,7 +190,7 @@ impl Bno055 {
         self.older.copy_from_slice(&self.pages[0][data]);
         let output = self.output();
         let mut words = self.words(sample, settings, output);
-        if self.faults.has(Fault::GyroDead) {
+        if self.faults.has(FaultKind::GyroDead) {
             words[6..].fill(0);
         }
         for (sensor, words) in words.chunks_exact(3).enumerate() {
@@ -205,7 +205,7 @@ impl Bno055 {
             self.set_words(page0::LIA_DATA, &output.remap(fusion.linear));
             self.set_words(page0::GRV_DATA, &output.remap(fusion.gravity));
         }
-        if self.faults.has(Fault::FixedPattern) {
+        if self.faults.has(FaultKind::FixedPattern) {
             self.set_words(page0::ACC_DATA, &[1962, 568, 0]);
             self.set_words(page0::MAG_DATA, &[0, 5120, 3843]);
             self.set_words(page0::GYR_DATA, &[0; 3]);
