@@ -163,7 +163,8 @@ pub struct Bno055 {
     /// The data registers as they were before the last refresh.
     older: [u8; DATA],
     output: Output,
-    pub(crate) faultless: [i16; 9],
+    /// What the data registers would show without a fault.
+    pub(crate) faultless: [[i16; 3]; 3],
 }
 
 /// Length of the data registers.
@@ -206,7 +207,7 @@ impl Bno055 {
             faults: Faults::default(),
             older: [0; DATA],
             output: Output { units: UNIT_SEL_RESET, map: AXIS_MAP_RESET, sign: 0 },
-            faultless: [0; 9],
+            faultless: [[0; 3]; 3],
             config,
         };
         chip.boot(Ticks::ZERO);
