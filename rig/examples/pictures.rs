@@ -66,7 +66,7 @@ fn laws(image: &Image) -> Result<(), Box<dyn Error>> {
         let flight = standby(image, gains)?.fly(START_RAD, RATE_RAD_S, 1.5, &mut |_| ())?;
         for motion in flight.motion.iter().step_by(10) {
             let time_s = motion.time.saturating_sub(flight.released).as_secs_f64();
-            println!("{law},{time_s:.3},{:.3}", motion.pitch_rad.to_degrees());
+            println!("{law},{time_s:.3},{:.3}", motion.tilt_rad[0].to_degrees());
         }
     }
     Ok(())

@@ -14,7 +14,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use samd21::Chip;
 use samd21::board::Ticks;
-use samd21::chip::{Counters, Stop};
+use samd21::chip::Stop;
 use samd21::peripherals::ResetCause;
 use samd21::usb_host::Host;
 use std::sync::Arc;
@@ -98,8 +98,8 @@ pub struct Rig {
     resets: Vec<(Ticks, ResetCause)>,
     halts: usize,
     lowest_sp: u32,
-    /// Probability that a read or a write of the port is lost, and what decides it.
-    usb_loss: (f64, ChaCha8Rng),
+    /// Decides whether a read or a write of the port is lost.
+    usb_loss: ChaCha8Rng,
 }
 
 impl Rig {
@@ -133,7 +133,7 @@ impl Rig {
             running: Running::Image,
             resets: Vec::new(),
             halts: 0,
-            usb_loss: (config.hardware.usb_loss, generator(config.seed, Stream::Port)),
+            usb_loss: generator(config.seed, Stream::Port),
         };
         rig.enter_bootloader(ResetCause::PowerOn);
         Ok(rig)
@@ -335,14 +335,13 @@ impl Rig {
             ));
         }
         self.environment.set_sensor(&self.hardware);
-        self.usb_loss.0 = self.hardware.usb_loss;
         Ok(())
     }
 
     /// Whether the port loses what passes now.
     fn loses(&mut self) -> bool {
-        let (probability, chance) = &mut self.usb_loss;
-        *probability > 0.0 && chance.random_bool(*probability)
+        let probability = self.hardware.usb_loss;
+        probability > 0.0 && self.usb_loss.random_bool(probability)
     }
 
     /// The laptop at the other end of the USB cable.
@@ -378,11 +377,6 @@ impl Rig {
     /// The chip, to disturb it.
     pub fn chip_mut(&mut self) -> &mut Chip {
         &mut self.chip
-    }
-
-    /// What the chip has counted.
-    pub fn counters(&self) -> Counters {
-        self.chip.counters()
     }
 
     /// Deepest stack since power-on, bytes.

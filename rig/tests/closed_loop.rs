@@ -75,7 +75,8 @@ fn comes_upright(bench: &BenchConfig, start_rad: f64) {
     host.run(3000, |_, _| {});
     let truth = host.environment.truth.motion_since(begin);
     let response =
-        StepResponse::new(truth.iter().map(|m| (m.time.as_secs_f64(), m.pitch_rad)), 0.0).unwrap();
+        StepResponse::new(truth.iter().map(|m| (m.time.as_secs_f64(), m.tilt_rad[0])), 0.0)
+            .unwrap();
     let settling = response.settling_s(0.05).unwrap();
     let overshoot = response.overshoot_pct();
     println!("{start_rad}: settling {settling:.3} s, overshoot {overshoot:.1} %");

@@ -4,7 +4,7 @@ use crate::{firmware, ready};
 use rig::bench::{TwoAxes, VehicleConfig};
 use rig::bno055::FaultKind;
 use rig::faults::{Campaign, Case, Ending, Kind, Phase, Plan, SystemKind};
-use rig::{Ready, ServoKind, Setup, prepare};
+use rig::{Ready, ServoKind, Setup, Ticks, prepare};
 use std::collections::BTreeSet;
 
 /// Of every kind this many runs.
@@ -23,7 +23,7 @@ fn faults_at_random_instants_end_recovered_or_neutral() {
     let twice = [7, 27].map(|number| Case { kind: Kind::Sensor(FaultKind::Spikes), number });
     for case in sample.chain(twice) {
         let outcome = campaign.run(case).unwrap();
-        match outcome.ending {
+        match outcome.verdict.ending {
             Ending::Recovered => recovered += 1,
             Ending::Neutral => neutral += 1,
             _ => panic!("{outcome:?}"),
@@ -48,7 +48,7 @@ fn faults_of_a_vehicle_whose_rudder_is_held_off_its_centre_end_so_too() {
     {
         for number in 0..2 {
             let outcome = campaign.run(Case { kind: Kind::Sensor(kind), number }).unwrap();
-            match outcome.ending {
+            match outcome.verdict.ending {
                 Ending::Recovered => {}
                 Ending::Neutral => neutral += 1,
                 _ => panic!("{outcome:?}"),
@@ -82,13 +82,13 @@ pub(crate) fn beyond_the_sensor(ready: &Ready, servo: ServoKind) {
     for kind in SystemKind::ALL {
         for number in 0..3 {
             let outcome = campaign.run(Case { kind: Kind::System(kind), number }).unwrap();
-            match outcome.ending {
+            match outcome.verdict.ending {
                 Ending::Recovered | Ending::Neutral => {}
                 Ending::Restarted => restarted += 1,
                 _ => panic!("{outcome:?}"),
             }
-            noticed += u32::from(outcome.noticed);
-            harmless += u32::from(outcome.harmless);
+            noticed += u32::from(outcome.verdict.noticed);
+            harmless += u32::from(outcome.verdict.harmless);
         }
     }
     assert!(restarted >= 20 && noticed > restarted && harmless >= 20);
@@ -121,7 +121,7 @@ fn faults_in_every_phase_leave_the_rudder_at_neutral_and_the_stored_parameters_w
         let mut restarted = 0;
         for kind in kinds {
             let outcome = campaign.run(Case { kind: Kind::System(kind), number: 0 }).unwrap();
-            match outcome.ending {
+            match outcome.verdict.ending {
                 Ending::Recovered | Ending::Neutral => {}
                 Ending::Restarted => restarted += 1,
                 _ => panic!("{phase}: {outcome:?}"),
@@ -140,8 +140,9 @@ fn a_flipped_bit_of_the_image_is_noticed() {
     for number in 0..8 {
         let kind = Kind::System(SystemKind::FlashImage);
         let outcome = campaign.run(Case { kind, number }).unwrap();
-        let is_safe = outcome.ending == Ending::Restarted && outcome.wrong_ms < 100.0;
-        assert!(outcome.noticed && is_safe, "{outcome:?}");
+        let is_safe = outcome.verdict.ending == Ending::Restarted
+            && outcome.verdict.wrong < Ticks::from_ms(100);
+        assert!(outcome.verdict.noticed && is_safe, "{outcome:?}");
     }
 }
 
@@ -160,9 +161,14 @@ fn a_reset_by_the_firmware_cuts_no_pulse() {
             for kind in Plan::Resets.kinds(phase) {
                 for number in 0..6 {
                     let outcome = campaign.run(Case { kind, number }).unwrap();
-                    resets += u32::from(outcome.ending == Ending::Restarted);
-                    if matches!(outcome.ending, Ending::Unsafe(_)) || outcome.strays > 0 {
-                        cut.push(format!("{phase}, {}: {:?}", outcome.fault, outcome.ending));
+                    resets += u32::from(outcome.verdict.ending == Ending::Restarted);
+                    if matches!(outcome.verdict.ending, Ending::Unsafe(_))
+                        || outcome.verdict.strays > 0
+                    {
+                        cut.push(format!(
+                            "{phase}, {}: {:?}",
+                            outcome.fault, outcome.verdict.ending
+                        ));
                     }
                 }
             }
@@ -199,8 +205,8 @@ fn a_flipped_bit_of_the_servo_timer_steers_for_a_moment_at_most() {
             let kind = Kind::System(SystemKind::TimerRegister);
             let outcome = campaign.run(Case { kind, number }).unwrap();
             assert!(outcome.fault.contains(bit), "{} {bit}", outcome.fault);
-            if outcome.for_ever || outcome.wrong_ms > 200.0 {
-                wrong.push(format!("{bit}: {:?}", outcome.ending));
+            if outcome.verdict.for_ever || outcome.verdict.wrong > Ticks::from_ms(200) {
+                wrong.push(format!("{bit}: {:?}", outcome.verdict.ending));
             }
         }
     }

@@ -42,7 +42,7 @@ fn error_deg(flight: &FlightRecord, between_s: std::ops::Range<f64>) -> f64 {
     let motion = flight.motion.iter();
     let squares = motion
         .filter(|m| between_s.contains(&seconds(flight, m.time)))
-        .map(|m| m.pitch_rad.powi(2) + m.roll.roll_rad.powi(2));
+        .map(|m| m.tilt_rad[0].powi(2) + m.tilt_rad[1].powi(2));
     let squares: Vec<f64> = squares.collect();
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
     mean.sqrt().to_degrees()

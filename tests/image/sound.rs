@@ -43,7 +43,7 @@ fn a_sound_vehicle_is_left_alone() {
         sound.length = Some(Ticks::from_ms(6_000));
         let sound = sound.with_hardware("flash-time=1").unwrap();
         let outcome = sound.run(kind, 0).unwrap();
-        assert_eq!(outcome.ending, Ending::Recovered, "{outcome:?}");
+        assert_eq!(outcome.verdict.ending, Ending::Recovered, "{outcome:?}");
         assert!(outcome.watched.bursts > 400, "{outcome:?}");
         frames += outcome.watched.frames;
     }
@@ -70,7 +70,7 @@ fn a_vehicle_that_is_not_sound_has_alarms() {
         sound.length = Some(Ticks::from_ms(2_000));
         sound.fault = Some(fault);
         let outcome = sound.run(SoundKind::Rest, 0).unwrap();
-        match outcome.ending {
+        match outcome.verdict.ending {
             Ending::Alarmed(alarms) => alarms,
             _ => panic!("{fault:?}: {outcome:?}"),
         }

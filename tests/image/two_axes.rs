@@ -50,10 +50,8 @@ fn both_axes_come_upright_with_and_without_spin() {
             assert_eq!(flight.final_state, Some(StateKind::Active), "{release:?}");
             for axis in Axis::ALL {
                 if release.tilt_rad[axis.index()] == 0.0 {
-                    let angles = flight.motion.iter().map(|m| match axis {
-                        Axis::Pitch => m.pitch_rad.abs(),
-                        Axis::Roll => m.roll.roll_rad.abs(),
-                    });
+                    let motion = flight.motion.iter();
+                    let angles = motion.map(|m| m.tilt_rad[axis.index()].abs());
                     // A tenth of the other's start.
                     let largest = angles.fold(0.0, f64::max);
                     assert!(largest < 0.04, "{release:?}: {largest}");

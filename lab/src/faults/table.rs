@@ -135,7 +135,8 @@ pub struct Row {
 impl Row {
     /// The row of a run.
     pub fn new(flown: &Flown, outcome: &Outcome) -> Self {
-        let (end, why) = match outcome.ending {
+        let verdict = &outcome.verdict;
+        let (end, why) = match verdict.ending {
             Ending::Recovered => (End::Recovered, String::new()),
             Ending::Neutral => (End::Neutral, String::new()),
             Ending::Restarted => (End::Restarted, String::new()),
@@ -144,7 +145,7 @@ impl Row {
             Ending::Alarmed(ref alarms) => (End::Alarmed, alarms.to_string()),
         };
         let none = Alarms::default();
-        let alarms = match &outcome.ending {
+        let alarms = match &verdict.ending {
             Ending::Alarmed(alarms) => alarms,
             _ => &none,
         };
@@ -161,13 +162,13 @@ impl Row {
             fault: outcome.fault.clone(),
             end,
             why,
-            unguarded_ms: outcome.unguarded_ms,
-            wrong_ms: outcome.wrong_ms,
-            silent_ms: outcome.silent_ms,
-            strays: outcome.strays,
-            for_ever: outcome.for_ever,
-            noticed: outcome.noticed,
-            harmless: outcome.harmless,
+            unguarded_ms: verdict.unguarded.as_us_f64() / 1e3,
+            wrong_ms: verdict.wrong.as_us_f64() / 1e3,
+            silent_ms: verdict.silent.as_us_f64() / 1e3,
+            strays: verdict.strays,
+            for_ever: verdict.for_ever,
+            noticed: verdict.noticed,
+            harmless: verdict.harmless,
             said: outcome.said.clone(),
             flown_s: outcome.watched.flown_s,
             frames: outcome.watched.frames,

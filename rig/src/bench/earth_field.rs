@@ -19,7 +19,8 @@ impl EarthField {
         declination_rad: 4.37 * std::f64::consts::PI / 180.0,
     };
 
-    pub(crate) fn north_east_down(&self) -> [f64; 3] {
+    /// The field to north, east and down, uT.
+    pub fn north_east_down(&self) -> [f64; 3] {
         let (sin_dip, cos_dip) = self.dip_rad.sin_cos();
         let (sin_decl, cos_decl) = self.declination_rad.sin_cos();
         [cos_dip * cos_decl, cos_dip * sin_decl, sin_dip].map(|c| c * self.strength_ut)

@@ -8,7 +8,7 @@
 //!   probe        -- a control step is busy
 //! ```
 //!
-//! [`Wiring`] says which pins these are.
+//! [`Wiring`](super::Wiring) says which pins these are.
 //!
 //! The drone pitches about the body's y axis, to the right; nose up is positive, which is the
 //! plant's counter-clockwise `theta0` seen from the right. With [`VehicleConfig::TwoAxes`] it rolls
@@ -21,11 +21,9 @@ use super::config::{BenchConfig, VehicleConfig, hang};
 use super::disturbance::Disturbances;
 use super::sensor_motion::{HeldSensor, SensorMotion};
 use super::vehicle::Vehicle;
-use super::{
-    EarthField, Hardware, Knock, Magnet, Since, TimedFault, Wiring, fault_schedule, stimulus,
-};
-use crate::bno055::{Bno055, Fault, ImuErrors, Stimulus};
-use crate::observe::ground_truth::{GroundTruth, Motion, Roll};
+use super::{Hardware, Knock, Magnet, Since, fault_schedule, stimulus};
+use crate::bno055::{Bno055, Fault, Stimulus};
+use crate::observe::ground_truth::{GroundTruth, Motion};
 use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
 use crate::observe::waves::Waves;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -48,23 +46,17 @@ const BACK_S: f64 = 1.5;
 /// The chip's environment. Whatever the chip does at its pins first advances it to that time.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    wiring: Wiring,
+    /// What stands on the bench; its disturbances are those of now.
+    bench: BenchConfig,
     vehicle: Vehicle,
     /// Of each axis that the drone has a rudder for.
     servos: Vec<Servo>,
     /// The sensor.
     pub sensor: Bno055,
-    /// The sensor's errors at a constant temperature.
-    errors: ImuErrors,
-    lever_m: [f64; 3],
     /// Rates about the body's axes, rad/s, and their mean change in the last step, rad/s^2.
     turning: (Vector3<f64>, Vector3<f64>),
     /// Rate about its own vertical with which it is released, rad/s.
     pub(crate) spin_rad_s: f64,
-    heading_rad: f64,
-    field: EarthField,
-    disturbances: Disturbances,
-    faults: Vec<TimedFault>,
     /// A torque that acts on the drone, N m, and when it ends.
     gust: Option<(f64, Ticks)>,
     /// The newest knock on the sensor's board, and when it began.
@@ -73,8 +65,6 @@ pub struct Environment {
     magnet: Option<(Magnet, Ticks)>,
     /// When the power came on.
     powered: Ticks,
-    /// Full thrust, N.
-    thrust_n: f64,
     /// Steps of the physics so far.
     steps: u64,
     clamp: Clamp,
@@ -101,26 +91,19 @@ impl Environment {
             sensor.errors = temperature.of(sensor.errors);
         }
         Ok(Self {
-            wiring: bench.wiring,
+            bench: bench.clone(),
             vehicle,
             servos: vec![Servo::new(model, zero_rad, 0.0); bench.axes()],
             sensor: Bno055::new(sensor),
-            errors: bench.sensor.errors,
-            lever_m: bench.lever_m,
             turning: (Vector3::zeros(), Vector3::zeros()),
             spin_rad_s: match &bench.vehicle {
                 VehicleConfig::TwoAxes(two) => two.spin_rad_s,
                 VehicleConfig::OneAxis | VehicleConfig::Rocket(_) => 0.0,
             },
-            heading_rad: bench.heading_rad,
-            field: bench.field,
-            disturbances: bench.disturbances,
-            faults: bench.faults.clone(),
             gust: None,
             knock: None,
             magnet: None,
             powered: Ticks::ZERO,
-            thrust_n: bench.parameters.thrust_n,
             steps: 0,
             clamp,
             held_sensor: None,
@@ -188,7 +171,7 @@ impl Environment {
 
     /// Attitude of the sensor on the drone, to north-east-down.
     pub fn mounted(&self) -> UnitQuaternion<f64> {
-        self.vehicle.attitude(self.heading_rad)
+        self.vehicle.attitude(self.bench.heading_rad)
     }
 
     /// Switches a fault of the sensor or its cable on.
@@ -211,7 +194,7 @@ impl Environment {
 
     fn end_faults(&mut self, since: Since) {
         let now = STEP * self.steps;
-        for timed in self.faults.iter().filter(|timed| timed.since == since) {
+        for timed in self.bench.faults.iter().filter(|timed| timed.since == since) {
             self.sensor.clear(now, timed.fault);
         }
     }
@@ -239,18 +222,19 @@ impl Environment {
 
     /// What disturbs the drone now.
     pub fn disturbances(&self) -> Disturbances {
-        self.disturbances
+        self.bench.disturbances
     }
 
     /// Replaces what disturbs the drone from now on. A temperature counts from the first power-on.
     pub fn set_disturbances(&mut self, disturbances: Disturbances) {
-        self.disturbances = disturbances;
+        self.bench.disturbances = disturbances;
         for servo in &mut self.servos {
             servo.set_supply(1.0);
         }
-        self.vehicle.set_thrust(self.thrust_n);
+        self.vehicle.set_thrust(self.bench.parameters.thrust_n);
         let temperature = disturbances.temperature;
-        let errors = temperature.map_or(self.errors, |temperature| temperature.of(self.errors));
+        let errors = self.bench.sensor.errors;
+        let errors = temperature.map_or(errors, |temperature| temperature.of(errors));
         self.sensor.set_errors(errors);
     }
 
@@ -275,7 +259,7 @@ impl Environment {
         for (what, since) in [(Since::PowerOn, powered), (Since::Release, released)] {
             if let Some(since) = since {
                 let interval = since.saturating_sub(STEP)..since;
-                fault_schedule::switch(&self.faults, what, interval, &mut self.sensor, now);
+                fault_schedule::switch(&self.bench.faults, what, interval, &mut self.sensor, now);
             }
         }
         let loads = self.vehicle.hinge_torques_n_m();
@@ -306,25 +290,15 @@ impl Environment {
 
     /// What is seen of drone and servos; the clamp moves a held drone at `tilt_rad_s`.
     fn seen(&self, now: Ticks, cranks: [Crank; 2], tilt_rad_s: [f64; 2]) -> Motion {
-        let [pitch_rad, roll_rad] = self.vehicle.level_tilt_rad(self.heading_rad);
         let [roll_rate, pitch_rate, _] = self.vehicle.rates_rad_s();
         let [pitch_tilt, roll_tilt] = tilt_rad_s;
-        let [rudder_rad, roll_rudder_rad] = self.vehicle.rudders_rad();
-        let [target_rad, roll_target_rad] = self.targets_rad();
         Motion {
             time: now,
-            pitch_rad,
-            rate_rad_s: pitch_rate + pitch_tilt,
-            rudder_rad,
-            crank_rad: cranks[0].angle_rad,
-            target_rad,
-            roll: Roll {
-                roll_rad,
-                rate_rad_s: roll_rate + roll_tilt,
-                rudder_rad: roll_rudder_rad,
-                crank_rad: cranks[1].angle_rad,
-                target_rad: roll_target_rad,
-            },
+            tilt_rad: self.vehicle.level_tilt_rad(self.bench.heading_rad),
+            rates_rad_s: [pitch_rate + pitch_tilt, roll_rate + roll_tilt],
+            rudders_rad: self.vehicle.rudders_rad(),
+            cranks_rad: cranks.map(|crank| crank.angle_rad),
+            targets_rad: self.targets_rad(),
         }
     }
 
@@ -356,7 +330,7 @@ impl Environment {
         let gravity = self.vehicle.gravity_m_s2();
         let (sensor, back) = self.held_sensor.as_mut()?;
         let rate = sensor.advance(dt_s);
-        let mut felt = stimulus::in_hand(&sensor.attitude(), rate, &self.field, gravity);
+        let mut felt = stimulus::in_hand(&sensor.attitude(), rate, &self.bench.field, gravity);
         add(&mut felt.specific_force_m_s2, sensor.acceleration_m_s2());
         if *back && sensor.has_arrived() {
             self.held_sensor = None;
@@ -372,21 +346,23 @@ impl Environment {
             Vehicle::Pivot(_) => stimulus::on_drone(
                 self.vehicle.pitch_rad(),
                 (rates.y, accelerations.y),
-                self.lever_m,
-                self.heading_rad,
-                &self.field,
+                self.bench.lever_m,
+                self.bench.heading_rad,
+                &self.bench.field,
                 gravity,
             ),
             Vehicle::Joint(drone) => stimulus::in_joint(
                 &drone.attitude(),
                 self.turning,
-                self.lever_m,
-                &self.field,
+                self.bench.lever_m,
+                &self.bench.field,
                 gravity,
             ),
-            Vehicle::Rocket(rocket) => stimulus::in_ascent(rocket.ascent(), rates, &self.field),
+            Vehicle::Rocket(rocket) => {
+                stimulus::in_ascent(rocket.ascent(), rates, &self.bench.field)
+            }
         };
-        if let Some(vibration) = self.disturbances.vibration
+        if let Some(vibration) = self.bench.disturbances.vibration
             && self.clamp.open_for(now).is_some()
         {
             let (force, rate) = vibration.at(now.as_secs_f64());
@@ -399,7 +375,7 @@ impl Environment {
     /// Sets the servo's supply and the thrust to what they are now.
     fn disturb(&mut self, now: Ticks) {
         let since_s = self.clamp.open_for(now).map(|since| since.as_secs_f64());
-        if let Some(sag) = self.disturbances.servo_supply {
+        if let Some(sag) = self.bench.disturbances.servo_supply {
             // One battery for all servos.
             let current = self.servos.iter().map(Servo::current_share).sum();
             let share = since_s.map_or(1.0, |since_s| sag.share(since_s, current));
@@ -407,9 +383,9 @@ impl Environment {
                 servo.set_supply(share);
             }
         }
-        if let Some(ramp) = self.disturbances.thrust_ramp {
+        if let Some(ramp) = self.bench.disturbances.thrust_ramp {
             let share = ramp.share(since_s.unwrap_or(0.0));
-            self.vehicle.set_thrust(share * self.thrust_n);
+            self.vehicle.set_thrust(share * self.bench.parameters.thrust_n);
         }
         self.gust = self.gust.filter(|(_, until)| now <= *until);
         if let Some((torque_n_m, _)) = self.gust {
@@ -426,7 +402,7 @@ fn add(to: &mut [f64; 3], more: [f64; 3]) {
 
 impl Board for Environment {
     fn i2c_pins(&self) -> Option<I2cPins> {
-        Some(self.wiring.i2c)
+        Some(self.bench.wiring.i2c)
     }
 
     fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
@@ -451,7 +427,7 @@ impl Board for Environment {
     }
 
     fn pin(&mut self, now: Ticks, pin: Pin, level: bool) {
-        let wiring = self.wiring;
+        let wiring = self.bench.wiring;
         if let Some(waves) = &mut self.truth.waves {
             waves.pin(now, pin, level, &wiring);
         }
@@ -476,7 +452,7 @@ impl Board for Environment {
     }
 
     fn compare(&mut self, _now: Ticks, tcc: u8, channel: u8, count: u32) {
-        let channels = self.wiring.channels;
+        let channels = self.bench.wiring.channels;
         let axis = channels.iter().position(|servo| *servo == channel);
         if let Some(axis) = axis.filter(|_| tcc == 0) {
             let width = SERVO_COUNT * u64::from(count);
@@ -485,7 +461,7 @@ impl Board for Environment {
     }
 
     fn input(&self, _now: Ticks, pin: Pin) -> Option<bool> {
-        self.jumper.filter(|_| pin == self.wiring.servos[1])
+        self.jumper.filter(|_| pin == self.bench.wiring.servos[1])
     }
 }
 

@@ -1,66 +1,13 @@
 //! A sensor moved by hand: laid down, rested on its six faces, and turned through all directions,
 //! as a calibration asks for.
-//!
-//! [`record`] reads the emulated BNO055 by its registers, without a firmware, and returns its
-//! counts with their errors and noise.
 
-use super::{EarthField, stimulus};
-use crate::bno055::registers::{page0, page1};
-use crate::bno055::{self, Bno055, Mode, Stimulus};
-use bno055_driver::config::Sensors;
 use calibration::poses::Face;
 use nalgebra::{UnitQuaternion, Vector3};
-use samd21::board::{I2cEvent, Ticks};
+use samd21::board::Ticks;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Step in which the sensor is moved, and period in which it is read.
+/// Step in which the sensor is moved.
 const STEP: Ticks = Ticks::from_us(500);
-const PERIOD: Ticks = Ticks::from_ms(10);
-/// Times at which the chip has booted for certain and at which it runs in its mode.
-const BOOTED: Ticks = Ticks::from_ms(750);
-const START: Ticks = Ticks::from_ms(900);
-/// Rest at the beginning, rest on each face, and time of a turn between two faces, s.
-const REST_S: f64 = 12.0;
-const FACE_S: f64 = 3.0;
-const BETWEEN_S: f64 = 1.5;
-
-/// The motions of a recording: a rest, six faces, a turn through all directions.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MotionPlan {
-    /// The magnetic field.
-    pub field: EarthField,
-    /// Gravity, m/s2.
-    pub gravity_m_s2: f64,
-    /// How long the sensor is turned through all directions at the end, s.
-    pub turning_s: f64,
-    /// Amplitude of the rate at which the sensor trembles in the first rest, rad/s.
-    pub tremble_rad_s: f64,
-}
-
-impl Default for MotionPlan {
-    /// In Copenhagen, turning for a minute, on a steady table.
-    fn default() -> Self {
-        Self {
-            field: EarthField::COPENHAGEN,
-            gravity_m_s2: 9.80665,
-            turning_s: 60.0,
-            tremble_rad_s: 0.0,
-        }
-    }
-}
-
-/// A sample: time, us, and the words of accelerometer, magnetometer and gyroscope.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sample {
-    /// Since the recording began.
-    pub time_us: u64,
-    /// Accelerometer, counts of 0.01 m/s2.
-    pub acc: [i16; 3],
-    /// Magnetometer, counts of 1/16 uT.
-    pub mag: [i16; 3],
-    /// Gyroscope, counts of 1/16 deg/s.
-    pub gyr: [i16; 3],
-}
 
 /// How the sensor is moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,6 +57,9 @@ impl Shake {
 }
 
 impl SensorMotion {
+    /// A hand that holds it unsteadily.
+    pub const TREMBLE: Self = Self::Tremble(0.08);
+
     /// Rate about the sensor's axes, rad/s, `since_s` after the motion began.
     fn rate(&self, since_s: f64, attitude: &UnitQuaternion<f64>) -> Vector3<f64> {
         match *self {
@@ -196,98 +146,9 @@ pub fn resting(face: Face) -> UnitQuaternion<f64> {
     UnitQuaternion::from_euler_angles(roll, pitch, 0.3)
 }
 
-/// Records the procedure: rest, six faces, a slow turn through all directions.
-pub fn record(sensor: bno055::Config, plan: &MotionPlan) -> Vec<Sample> {
-    let mut held = HeldSensor::new(resting(Face::TopUp));
-    let mut now = START;
-    let feel = |held: &HeldSensor, rate| {
-        stimulus::in_hand(&held.attitude, rate, &plan.field, plan.gravity_m_s2)
-    };
-    let mut chip = start(sensor, &feel(&held, Vector3::zeros()));
-    let mut samples = Vec::new();
-    for (motion, seconds) in plan.steps() {
-        held.begin(motion);
-        let end = now + Ticks::from_secs_f64(seconds);
-        while now < end {
-            let rate = held.advance(STEP.as_secs_f64());
-            now += STEP;
-            chip.sense(now, &feel(&held, rate));
-            if (now - START).0.is_multiple_of(PERIOD.0) {
-                samples.push(read(&mut chip, now));
-            }
-        }
-    }
-    samples
-}
-
-impl MotionPlan {
-    /// The motions, with the length of each, s.
-    fn steps(&self) -> Vec<(SensorMotion, f64)> {
-        let first = match self.tremble_rad_s {
-            0.0 => SensorMotion::Rest,
-            rate => SensorMotion::Tremble(rate),
-        };
-        let mut steps = vec![(first, REST_S)];
-        steps.extend(
-            Face::ALL.map(|face| (SensorMotion::To(resting(face), BETWEEN_S), BETWEEN_S + FACE_S)),
-        );
-        steps.push((SensorMotion::Turn, self.turning_s));
-        steps
-    }
-}
-
-/// A chip in AMG mode with the driver's ranges and bandwidths, at rest while it starts.
-fn start(sensor: bno055::Config, still: &Stimulus) -> Bno055 {
-    let mut chip = Bno055::new(sensor);
-    let lie = |chip: &mut Bno055, from: Ticks, to: Ticks| {
-        for step in 1..=(to - from).0 / STEP.0 {
-            chip.sense(from + STEP * step, still);
-        }
-    };
-    lie(&mut chip, Ticks::ZERO, BOOTED);
-    write(&mut chip, page0::UNIT_SEL, &[0]);
-    write(&mut chip, page0::PAGE_ID, &[1]);
-    write(&mut chip, page1::ACC_CONFIG, &Sensors::default().registers());
-    write(&mut chip, page0::PAGE_ID, &[0]);
-    write(&mut chip, page0::OPR_MODE, &[Mode::Amg as u8]);
-    lie(&mut chip, BOOTED, START);
-    chip
-}
-
-/// Writes registers as soon as the chip has booted.
-fn write(chip: &mut Bno055, register: u8, values: &[u8]) {
-    let start = I2cEvent::Start { address: chip.address(), read: false };
-    chip.i2c(BOOTED, start);
-    chip.i2c(BOOTED, I2cEvent::Write(register));
-    for value in values {
-        chip.i2c(BOOTED, I2cEvent::Write(*value));
-    }
-    chip.i2c(BOOTED, I2cEvent::Stop);
-}
-
-fn read(chip: &mut Bno055, now: Ticks) -> Sample {
-    let address = chip.address();
-    let start = |read| I2cEvent::Start { address, read };
-    let mut event = |event| chip.i2c(now, event).data;
-    for step in [start(false), I2cEvent::Write(page0::ACC_DATA), start(true)] {
-        event(step);
-    }
-    let words =
-        [(); 9].map(|()| i16::from_le_bytes([event(I2cEvent::Read), event(I2cEvent::Read)]));
-    event(I2cEvent::Stop);
-    let [ax, ay, az, mx, my, mz, gx, gy, gz] = words;
-    Sample {
-        time_us: (now - START).as_us(),
-        acc: [ax, ay, az],
-        mag: [mx, my, mz],
-        gyr: [gx, gy, gz],
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bno055::ImuErrors;
 
     #[test]
     fn a_shake_swings_as_far_as_asked_and_ends_at_rest() {
@@ -305,25 +166,5 @@ mod tests {
         }
         assert!((14.0..=15.0).contains(&rate) && (38.0..=40.0).contains(&acc));
         assert!(last.norm() < 0.1 && held.advance(STEP.as_secs_f64()).norm() < 1e-9);
-    }
-
-    #[test]
-    fn the_procedure_rests_on_every_face_and_then_turns() {
-        let sensor = bno055::Config { errors: ImuErrors::NONE, ..bno055::Config::default() };
-        let plan = MotionPlan { turning_s: 5.0, ..MotionPlan::default() };
-        let samples = record(sensor, &plan);
-        assert_eq!(samples.len(), 4400);
-        let at = |s: f64| samples[(s * 100.0) as usize];
-        assert_eq!((at(6.0).acc, at(6.0).gyr), ([0, 0, -981], [0; 3]));
-        let mut seen: Vec<[i16; 3]> =
-            (0..6).map(|face| at(15.0 + 4.5 * f64::from(face)).acc).collect();
-        seen.sort();
-        let mut faces =
-            vec![[0, 0, -981], [0, 0, 981], [0, -981, 0], [0, 981, 0], [981, 0, 0], [-981, 0, 0]];
-        faces.sort();
-        assert_eq!(seen, faces);
-        assert!(at(43.0).gyr.iter().any(|w| w.abs() > 400));
-        let strength = |s: &Sample| s.mag.iter().map(|m| f64::from(*m).powi(2)).sum::<f64>().sqrt();
-        assert!((strength(&at(43.0)) / 16.0 - 50.0).abs() < 0.5);
     }
 }

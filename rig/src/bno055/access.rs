@@ -1,7 +1,7 @@
 //! What reading and writing a register does.
 
 use super::registers::{Mode, error, page0, page1, status, trigger, unit};
-use super::{Bno055, Fault, GROUPS, Power, Transfer};
+use super::{Bno055, FaultKind, GROUPS, Power, Transfer};
 use samd21::board::Ticks;
 
 // How long it takes to leave CONFIG and to return to it (data sheet page 21), to test itself, and
@@ -38,7 +38,7 @@ impl Bno055 {
             return self.pages[1][usize::from(address)];
         }
         let stored = self.get(address);
-        let gyro_dead = self.faults.has(Fault::GyroDead);
+        let gyro_dead = self.faults.has(FaultKind::GyroDead);
         match address {
             page0::GYR_ID if gyro_dead => 0,
             page0::ST_RESULT if gyro_dead => stored & !0x04,
@@ -69,7 +69,7 @@ impl Bno055 {
     }
 
     fn system_error(&self) -> u8 {
-        if self.faults.has(Fault::AllZero) {
+        if self.faults.has(FaultKind::AllZero) {
             error::PERIPHERAL_INIT
         } else {
             self.get(page0::SYS_ERR)

@@ -1,7 +1,7 @@
 //! The chip as a slave on the I2C bus: transfers, clock stretching, and faults of the cable.
 
 use super::registers::page0;
-use super::{Bno055, Fault, Power, Transfer};
+use super::{Bno055, Fault, FaultKind, Power, Transfer};
 use rand::Rng;
 use samd21::board::{I2cEvent, I2cReply, Lines, Ticks};
 use std::ops::RangeInclusive;
@@ -114,18 +114,17 @@ impl Bno055 {
 
     /// The lines that the chip, a fault of its cable or another master holds low.
     pub fn held_low(&self, now: Ticks) -> Lines {
-        let stuck =
-            self.faults.has(Fault::SdaStuck) || self.faults.has(Fault::SdaHeld { clocks: 0 });
-        let inside_a_byte = self.faults.has(Fault::ClockHang) && self.power != Power::Hung;
+        let stuck = self.faults.has(FaultKind::SdaStuck) || self.faults.has(FaultKind::SdaHeld);
+        let inside_a_byte = self.faults.has(FaultKind::ClockHang) && self.power != Power::Hung;
         Lines {
             sda: stuck || inside_a_byte || now < self.foreign_until,
-            scl: self.faults.has(Fault::SclStuck),
+            scl: self.faults.has(FaultKind::SclStuck),
         }
     }
 
     /// A rising edge of SCL outside of a transfer: the master clocks a held data line free.
     pub fn clocked(&mut self) {
-        if self.faults.has(Fault::ClockHang) {
+        if self.faults.has(FaultKind::ClockHang) {
             self.power = Power::Hung;
         }
         let mut done = false;
@@ -136,7 +135,7 @@ impl Bno055 {
             }
         }
         if done {
-            self.faults.clear(Fault::SdaHeld { clocks: 0 });
+            self.faults.clear(FaultKind::SdaHeld);
         }
     }
 
@@ -147,11 +146,11 @@ impl Bno055 {
             I2cEvent::Write(_) => self.transfer.selected,
             I2cEvent::Read | I2cEvent::Stop => false,
         };
-        acknowledged && self.strikes(Fault::Naks { probability: 0.0 })
+        acknowledged && self.strikes(FaultKind::Naks)
     }
 
     /// True if the fault of this kind is on and strikes now, which its probability decides.
-    fn strikes(&mut self, kind: Fault) -> bool {
+    fn strikes(&mut self, kind: FaultKind) -> bool {
         let probability = self.faults.get(kind).and_then(Fault::probability);
         probability.is_some_and(|probability| self.bus_noise.random_bool(probability))
     }
@@ -208,7 +207,7 @@ impl Bno055 {
     fn read_next(&mut self, now: Ticks) -> u8 {
         let address = self.pointer;
         self.advance_pointer();
-        if self.faults.has(Fault::AllOnes) {
+        if self.faults.has(FaultKind::AllOnes) {
             return 0xFF;
         }
         let value = self.stored_next(now, address);
@@ -224,7 +223,7 @@ impl Bno055 {
         let value = self.read(now, address);
         let is_data = (page0::ACC_DATA..page0::TEMP).contains(&address);
         if self.page == 0 && is_data && address.is_multiple_of(2) && self.power == Power::On {
-            let high = if self.strikes(Fault::TornWords { probability: 0.0 }) {
+            let high = if self.strikes(FaultKind::TornWords) {
                 self.older[usize::from(address + 1 - page0::ACC_DATA)]
             } else {
                 self.get(address + 1)
@@ -238,7 +237,7 @@ impl Bno055 {
 
     /// A byte after [`Fault::BitFlips`].
     fn flip(&mut self, byte: u8) -> u8 {
-        if self.strikes(Fault::BitFlips { probability: 0.0 }) {
+        if self.strikes(FaultKind::BitFlips) {
             byte ^ 1 << self.bus_noise.random_range(0..8)
         } else {
             byte

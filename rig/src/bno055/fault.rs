@@ -1,7 +1,7 @@
 //! Faults of the sensor and its cable that can be switched on and off while it runs.
 
 use super::registers::{AXIS_MAP_RESET, AXIS_MAP_SWAPPED, UNIT_SEL_RESET, error, page0};
-use super::{Bno055, Fault, Power};
+use super::{Bno055, Fault, FaultKind, Power};
 use samd21::board::Ticks;
 
 impl Fault {
@@ -26,33 +26,27 @@ impl Fault {
     }
 }
 
-/// The faults that are on.
+/// The faults that are on; one of a kind.
 #[derive(Clone, Debug, Default)]
-pub struct Faults(pub(super) Vec<Fault>);
+pub(super) struct Faults(pub(super) Vec<Fault>);
 
 impl Faults {
     /// Switches a fault on; one of its kind that was on ends.
-    pub fn set(&mut self, fault: Fault) {
-        self.clear(fault);
+    fn set(&mut self, fault: Fault) {
+        self.clear(FaultKind::of(&fault));
         self.0.push(fault);
     }
 
-    /// Switches off the fault of the kind of `fault`, whatever its parameters.
-    pub fn clear(&mut self, fault: Fault) {
-        let kind = core::mem::discriminant(&fault);
-        self.0.retain(|on| core::mem::discriminant(on) != kind);
+    pub(super) fn clear(&mut self, kind: FaultKind) {
+        self.0.retain(|on| FaultKind::of(on) != kind);
     }
 
-    /// The fault that is on of the kind of `fault`, whatever the parameters of either.
-    pub fn get(&self, fault: Fault) -> Option<Fault> {
-        let kind = core::mem::discriminant(&fault);
-        let mut faults = self.0.iter().copied();
-        faults.find(|on| core::mem::discriminant(on) == kind)
+    pub(super) fn get(&self, kind: FaultKind) -> Option<Fault> {
+        self.0.iter().copied().find(|on| FaultKind::of(on) == kind)
     }
 
-    /// True if a fault of the kind of `fault` is on.
-    pub fn has(&self, fault: Fault) -> bool {
-        self.get(fault).is_some()
+    pub(super) fn has(&self, kind: FaultKind) -> bool {
+        self.get(kind).is_some()
     }
 }
 
@@ -66,7 +60,7 @@ impl Bno055 {
                 self.power = Power::On;
             }
             // Without a cable there is no power to come back.
-            Fault::PowerDip if self.faults.has(Fault::Unplugged) => {}
+            Fault::PowerDip if self.faults.has(FaultKind::Unplugged) => {}
             Fault::PowerDip => self.boot(now),
             Fault::RevertedAxisMap => {
                 self.set(page0::AXIS_MAP_CONFIG, AXIS_MAP_RESET);
@@ -94,9 +88,11 @@ impl Bno055 {
     /// Switches a fault off, whatever its parameters.
     pub fn clear(&mut self, now: Ticks, fault: Fault) {
         self.run(now);
-        let was_on = self.faults.has(fault);
-        self.faults.clear(fault);
-        let cuts_power = matches!(fault, Fault::Unplugged | Fault::Hung | Fault::ClockHang);
+        let kind = FaultKind::of(&fault);
+        let was_on = self.faults.has(kind);
+        self.faults.clear(kind);
+        let cuts_power =
+            matches!(kind, FaultKind::Unplugged | FaultKind::Hung | FaultKind::ClockHang);
         if was_on && cuts_power && matches!(self.power, Power::Off | Power::Hung) {
             self.boot(now);
         }

@@ -70,7 +70,6 @@ mod tests;
 
 pub use bus::{BusTiming, RareStretch};
 pub use config::{Config, Magnetometer, MagnetometerHealth, RefreshRates};
-pub use fault::Faults;
 pub use fault_kind::{Fault, FaultKind};
 pub use imperfections::{ImuErrors, WarmUp};
 pub use registers::Mode;
@@ -81,6 +80,7 @@ pub use signal::Stimulus;
 use crate::random::{Stream, generator};
 use access::LateWrite;
 use calibration::Calibration;
+use fault::Faults;
 use rand::{Rng, RngCore};
 use rand_chacha::ChaCha8Rng;
 use recordings::Recording;
@@ -163,7 +163,8 @@ pub struct Bno055 {
     /// The data registers as they were before the last refresh.
     older: [u8; DATA],
     output: Output,
-    pub(crate) faultless: [i16; 9],
+    /// What the data registers would show without a fault.
+    pub(crate) faultless: [[i16; 3]; 3],
 }
 
 /// Length of the data registers.
@@ -206,7 +207,7 @@ impl Bno055 {
             faults: Faults::default(),
             older: [0; DATA],
             output: Output { units: UNIT_SEL_RESET, map: AXIS_MAP_RESET, sign: 0 },
-            faultless: [0; 9],
+            faultless: [[0; 3]; 3],
             config,
         };
         chip.boot(Ticks::ZERO);

@@ -6,8 +6,8 @@ use super::registers::{Mode, error, page0, page1};
 use super::replay::Playback;
 use super::sample::Sample;
 use super::signal::Settings;
-use super::words::{FusionWords, Words, acc_per_m_s2, gyr_per_rad_s, mag_per_ut};
-use super::{Bno055, Fault, GROUPS, Refresh, RefreshRates};
+use super::words::{FusionWords, MAG_PER_UT, acc_per_m_s2, gyr_per_rad_s, words};
+use super::{Bno055, FaultKind, GROUPS, Refresh, RefreshRates};
 use rand::Rng;
 use samd21::board::Ticks;
 
@@ -134,11 +134,10 @@ impl Bno055 {
             let faultless = self.words(&sample, &settings, self.output);
             for (sensor, on) in sensors.into_iter().enumerate() {
                 if on {
-                    let words = 3 * sensor..3 * sensor + 3;
-                    self.faultless[words.clone()].copy_from_slice(&faultless[words]);
+                    self.faultless[sensor] = faultless[sensor];
                 }
             }
-            if !self.faults.has(Fault::Frozen) && !self.faults.has(Fault::AllZero) {
+            if !self.faults.has(FaultKind::Frozen) && !self.faults.has(FaultKind::AllZero) {
                 self.write_data(at, &sample, &settings, sensors);
             }
         }
@@ -154,7 +153,7 @@ impl Bno055 {
         for learner in self.calibration.update(self.mode, sample, field, dt_s) {
             let (offset, scale) = match learner {
                 Learner::Accelerometer => (self.signals.acc_offset_m_s2(), acc_per_m_s2(units)),
-                Learner::Magnetometer => (hard_iron, mag_per_ut()),
+                Learner::Magnetometer => (hard_iron, MAG_PER_UT),
                 Learner::Gyroscope => (self.signals.gyro_bias_rad_s(), gyr_per_rad_s(units)),
             };
             let (first, _) = GROUPS[learner as usize];
@@ -190,10 +189,10 @@ impl Bno055 {
         self.older.copy_from_slice(&self.pages[0][data]);
         let output = self.output();
         let mut words = self.words(sample, settings, output);
-        if self.faults.has(Fault::GyroDead) {
-            words[6..].fill(0);
+        if self.faults.has(FaultKind::GyroDead) {
+            words[GYROSCOPE].fill(0);
         }
-        for (sensor, words) in words.chunks_exact(3).enumerate() {
+        for (sensor, words) in words.iter().enumerate() {
             if sensors[sensor] {
                 self.set_words(page0::ACC_DATA + 6 * sensor as u8, words);
             }
@@ -205,38 +204,29 @@ impl Bno055 {
             self.set_words(page0::LIA_DATA, &output.remap(fusion.linear));
             self.set_words(page0::GRV_DATA, &output.remap(fusion.gravity));
         }
-        if self.faults.has(Fault::FixedPattern) {
+        if self.faults.has(FaultKind::FixedPattern) {
             self.set_words(page0::ACC_DATA, &[1962, 568, 0]);
             self.set_words(page0::MAG_DATA, &[0, 5120, 3843]);
             self.set_words(page0::GYR_DATA, &[0; 3]);
         }
     }
 
-    /// The nine words of a sample: accelerometer, magnetometer, gyroscope. Those of a sensor that
-    /// the mode leaves off are zero.
-    fn words(&self, sample: &Sample, settings: &Settings, output: Output) -> [i16; 9] {
-        let mut words = Words::of(sample, output.units, settings);
-        if self.mode.is_fusion() {
-            let offset = |group: usize| {
-                let first = page0::ACC_OFFSET + GROUPS[group].0 as u8;
-                [0, 2, 4].map(|i| self.word(first + i))
-            };
-            words.acc = subtract(words.acc, offset(0));
-            words.mag = subtract(words.mag, offset(1));
-            words.gyr = subtract(words.gyr, offset(2));
-        }
+    /// The words of a sample: accelerometer, magnetometer, gyroscope. Those of a sensor that the
+    /// mode leaves off are zero.
+    fn words(&self, sample: &Sample, settings: &Settings, output: Output) -> [[i16; 3]; 3] {
         let mode = self.mode;
-        let mut out = [0; 9];
-        for (to, (on, from)) in out.chunks_exact_mut(3).zip([
-            (mode.has_acc(), words.acc),
-            (mode.has_mag(), words.mag),
-            (mode.has_gyr(), words.gyr),
-        ]) {
-            if on {
-                to.copy_from_slice(&output.remap(from));
+        let mut all = words(sample, output.units, settings);
+        let on = [mode.has_acc(), mode.has_mag(), mode.has_gyr()];
+        for ((words, on), (first, _)) in all.iter_mut().zip(on).zip(GROUPS) {
+            if mode.is_fusion() {
+                let offsets = (page0::ACC_OFFSET + first as u8..).step_by(2);
+                for (word, offset) in words.iter_mut().zip(offsets) {
+                    *word = word.saturating_sub(self.word(offset));
+                }
             }
+            *words = if on { output.remap(*words) } else { [0; 3] };
         }
-        out
+        all
     }
 
     pub(super) fn output(&self) -> Output {
@@ -259,8 +249,4 @@ impl Output {
             }
         })
     }
-}
-
-fn subtract(a: [i16; 3], b: [i16; 3]) -> [i16; 3] {
-    [0, 1, 2].map(|i| a[i].saturating_sub(b[i]))
 }

@@ -3,7 +3,7 @@
 use super::imperfections::ImuErrors;
 use super::registers::Mode;
 use super::signal::{Settings, SignalChain, Stimulus};
-use super::words::Words;
+use super::words::words;
 use crate::random::{Stream, generator};
 use samd21::board::Ticks;
 
@@ -55,8 +55,8 @@ impl Sensors {
     pub fn refresh(&mut self, now: Ticks) -> Option<Reading> {
         let fresh = self.signals.mag_is_due(now);
         let sample = self.signals.refresh(now, &self.settings)?;
-        let words = Words::of(&sample, UNITS, &self.settings);
-        Some(Reading { gyr: words.gyr, acc: words.acc, mag: fresh.then_some(words.mag) })
+        let [acc, mag, gyr] = words(&sample, UNITS, &self.settings);
+        Some(Reading { gyr, acc, mag: fresh.then_some(mag) })
     }
 }
 

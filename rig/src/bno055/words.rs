@@ -9,36 +9,24 @@ fn word(value: f64) -> i16 {
     value.round() as i16
 }
 
-/// Words of a sample in the units of UNIT_SEL, along the package axes, saturated at the ranges.
-pub(super) struct Words {
-    pub(super) acc: [i16; 3],
-    pub(super) mag: [i16; 3],
-    pub(super) gyr: [i16; 3],
-}
+/// Counts of magnetic field for 1 uT.
+pub(super) const MAG_PER_UT: f64 = 16.0;
 
-impl Words {
-    pub(super) fn of(sample: &Sample, units: u8, settings: &Settings) -> Self {
-        let acc_range = settings.acc_range_g * STANDARD_GRAVITY_M_S2;
-        let gyr_range = settings.gyr_range_dps.to_radians();
-        let gyr_lsb = gyr_per_rad_s(units);
-        Self {
-            acc: sample
-                .acc_m_s2
-                .map(|a| word(a.clamp(-acc_range, acc_range) * acc_per_m_s2(units))),
-            mag: sample.mag_ut.map(|m| word(m * mag_per_ut())),
-            gyr: sample.gyr_rad_s.map(|w| word(w.clamp(-gyr_range, gyr_range) * gyr_lsb)),
-        }
-    }
+/// Words of a sample in the units of UNIT_SEL, along the package axes, saturated at the ranges: of
+/// accelerometer, magnetometer and gyroscope.
+pub(super) fn words(sample: &Sample, units: u8, settings: &Settings) -> [[i16; 3]; 3] {
+    let acc_range = settings.acc_range_g * STANDARD_GRAVITY_M_S2;
+    let gyr_range = settings.gyr_range_dps.to_radians();
+    [
+        sample.acc_m_s2.map(|a| word(a.clamp(-acc_range, acc_range) * acc_per_m_s2(units))),
+        sample.mag_ut.map(|m| word(m * MAG_PER_UT)),
+        sample.gyr_rad_s.map(|w| word(w.clamp(-gyr_range, gyr_range) * gyr_per_rad_s(units))),
+    ]
 }
 
 /// Counts of acceleration for 1 m/s^2.
 pub(super) fn acc_per_m_s2(units: u8) -> f64 {
     if units & unit::ACC_MG == 0 { 100.0 } else { 1000.0 / STANDARD_GRAVITY_M_S2 }
-}
-
-/// Counts of magnetic field for 1 uT.
-pub(super) fn mag_per_ut() -> f64 {
-    16.0
 }
 
 /// Counts of rate for 1 rad/s.
@@ -96,13 +84,11 @@ mod tests {
             mag_ut: [50.0, -0.0625, 0.03],
             attitude: [1.0, 0.0, 0.0, 0.0],
         };
-        let words = Words::of(&sample, 0, &settings);
-        assert_eq!(words.acc, [3923, -3923, 981]);
-        assert_eq!(words.gyr, [32000, -917, 0]);
-        assert_eq!(words.mag, [800, -1, 0]);
-        let words = Words::of(&sample, unit::ACC_MG | unit::GYR_RPS, &settings);
-        assert_eq!(words.acc, [4000, -4000, 1000]);
-        assert_eq!(words.gyr, [31416, -900, 0]);
+        let counts = words(&sample, 0, &settings);
+        assert_eq!(counts, [[3923, -3923, 981], [800, -1, 0], [32000, -917, 0]]);
+        let [acc, _, gyr] = words(&sample, unit::ACC_MG | unit::GYR_RPS, &settings);
+        assert_eq!(acc, [4000, -4000, 1000]);
+        assert_eq!(gyr, [31416, -900, 0]);
     }
 
     #[test]

@@ -11,6 +11,7 @@ use crate::bench::{FaultEntry, Hardware};
 use crate::bno055::{Fault, FaultKind};
 use crate::disturbance::{SupplySag, Temperature, ThrustRamp, Vibration};
 use crate::rig::ProgramEnd;
+use crate::sensor_motion::SensorMotion;
 
 /// The words of each action, and what happens.
 pub const HELP: [(&str, &str); 20] = [
@@ -74,8 +75,8 @@ pub enum Action {
     Push(f64),
     /// A torque, N m, for a time, s.
     Gust(f64, f64),
-    /// The sensor in a hand.
-    Sensor(InHand),
+    /// The sensor is moved by hand, or put back on the drone.
+    Sensor(Option<SensorMotion>),
     /// A fault from now on, and how long.
     Fault(Fault, Option<Ticks>),
     /// The end of a fault, or of all.
@@ -104,17 +105,6 @@ pub enum Action {
     Usb(bool),
 }
 
-/// What a hand does with the sensor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum InHand {
-    /// Holds it unsteadily.
-    Tremble,
-    /// Turns it in all directions.
-    Turn,
-    /// Puts it back on the drone.
-    Back,
-}
-
 impl FromStr for Action {
     type Err = String;
 
@@ -139,9 +129,9 @@ impl FromStr for Action {
                 let (torque, seconds) = gust.split_once(',').ok_or_else(usage)?;
                 Self::Gust(number(torque, PUSH)?, number(seconds, GUST_S)?)
             }
-            ("sensor", ["tremble"]) => Self::Sensor(InHand::Tremble),
-            ("sensor", ["turn"]) => Self::Sensor(InHand::Turn),
-            ("sensor", ["back"]) => Self::Sensor(InHand::Back),
+            ("sensor", ["tremble"]) => Self::Sensor(Some(SensorMotion::TREMBLE)),
+            ("sensor", ["turn"]) => Self::Sensor(Some(SensorMotion::Turn)),
+            ("sensor", ["back"]) => Self::Sensor(None),
             ("fault", [kind, settings @ ..]) => fault(kind, settings)?,
             ("clear", ["all"]) => Self::Clear(None),
             ("clear", [kind]) => Self::Clear(Some(kind.parse()?)),

@@ -191,13 +191,9 @@ impl FlightRecord {
     /// The axis was upright at the release.
     pub fn response(&self, axis: Axis) -> Result<StepResponse, ResponseError> {
         let released = std::iter::once((0.0, self.start_rad[axis.index()]));
-        let angle = |motion: &Motion| match axis {
-            Axis::Pitch => motion.pitch_rad,
-            Axis::Roll => motion.roll.roll_rad,
-        };
         let after = self.motion.iter().map(|motion| {
             let since = motion.time.saturating_sub(self.released);
-            (since.as_secs_f64(), angle(motion))
+            (since.as_secs_f64(), motion.tilt_rad[axis.index()])
         });
         StepResponse::new(released.chain(after.filter(|(t, _)| *t > 0.0)), 0.0)
     }
@@ -512,7 +508,7 @@ pub(crate) struct Mark {
 
 impl Mark {
     pub(crate) fn of(rig: &Rig) -> Self {
-        Self { at: rig.now(), counters: rig.counters() }
+        Self { at: rig.now(), counters: rig.chip().counters() }
     }
 
     /// Share of the time between two marks for which the core was awake.

@@ -7,7 +7,7 @@ use crate::bench::Vehicle;
 use crate::bench::sensor_motion::{SensorMotion, resting};
 use crate::bno055::{Fault, FaultKind};
 use crate::disturbance::Disturbances;
-use crate::fly::action::{Action, InHand};
+use crate::fly::action::Action;
 use crate::rig::Rig;
 use calibration::prompt::{Prompt, Tilt};
 use client::state::state_of;
@@ -22,8 +22,6 @@ use tvc_nano::Axis;
 const TILT_RAD: f64 = 0.35;
 /// How long the sensor takes from one pose to the next, s.
 const TURN_S: f64 = 1.5;
-/// Amplitude of the rate of a sensor that is held unsteadily, rad/s.
-const TREMBLE_RAD_S: f64 = 0.08;
 /// Time from the request to tilt the drone until its rudder rests.
 const RUDDER_RESTS: Ticks = Ticks::from_ms(1300);
 
@@ -126,7 +124,7 @@ impl Pilot {
         let environment = rig.environment_mut();
         match prompt {
             Prompt::Rest if self.manner == Manner::Trembling => {
-                environment.move_sensor(SensorMotion::Tremble(TREMBLE_RAD_S));
+                environment.move_sensor(SensorMotion::TREMBLE);
             }
             Prompt::Rest => environment.move_sensor(SensorMotion::Rest),
             Prompt::Pose(face) => environment.move_sensor(SensorMotion::To(resting(face), TURN_S)),
@@ -221,15 +219,16 @@ impl Pilot {
                 self.start_rad[1] = *rad;
                 rig.environment_mut().tilt_clamp_to(self.start_rad);
             }
-            Action::Clamp(by_hand) => self.clamp(rig, *by_hand),
+            Action::Clamp(by_hand) => {
+                self.clamp = *by_hand;
+                if let Some(opens) = by_hand {
+                    self.move_clamp(rig, *opens);
+                }
+            }
             Action::Push(impulse) => rig.environment_mut().push(*impulse),
             Action::Gust(torque, seconds) => rig.environment_mut().gust(*torque, *seconds),
-            Action::Sensor(InHand::Tremble) => {
-                let tremble = SensorMotion::Tremble(TREMBLE_RAD_S);
-                rig.environment_mut().move_sensor(tremble);
-            }
-            Action::Sensor(InHand::Turn) => rig.environment_mut().move_sensor(SensorMotion::Turn),
-            Action::Sensor(InHand::Back) => rig.environment_mut().put_back(),
+            Action::Sensor(Some(motion)) => rig.environment_mut().move_sensor(*motion),
+            Action::Sensor(None) => rig.environment_mut().put_back(),
             Action::Fault(fault, length) => {
                 self.forget(FaultKind::of(fault));
                 rig.inject(*fault);
@@ -267,13 +266,6 @@ impl Pilot {
     /// A fault of this kind does not end by itself any more.
     fn forget(&mut self, kind: FaultKind) {
         self.ending.retain(|(_, fault)| FaultKind::of(fault) != kind);
-    }
-
-    fn clamp(&mut self, rig: &mut Rig, by_hand: Option<bool>) {
-        self.clamp = by_hand;
-        if let Some(opens) = by_hand {
-            self.move_clamp(rig, opens);
-        }
     }
 
     /// Opens or closes the clamp, if it is not so already.

@@ -74,14 +74,9 @@ impl Pty {
     /// The system's error.
     pub fn read(&self) -> io::Result<Vec<u8>> {
         let mut bytes = vec![0; CHUNK];
-        match rustix::io::read(&self.master, &mut bytes) {
-            Ok(count) => {
-                bytes.truncate(count);
-                Ok(bytes)
-            }
-            Err(Errno::AGAIN | Errno::IO | Errno::INTR) => Ok(Vec::new()),
-            Err(error) => Err(error.into()),
-        }
+        let count = none_if_busy(rustix::io::read(&self.master, &mut bytes))?;
+        bytes.truncate(count);
+        Ok(bytes)
     }
 
     /// Writes as much of `bytes` as there is room for; the number of bytes written.
@@ -89,11 +84,15 @@ impl Pty {
     /// # Errors
     /// The system's error.
     pub fn write(&self, bytes: &[u8]) -> io::Result<usize> {
-        match rustix::io::write(&self.master, bytes) {
-            Ok(count) => Ok(count),
-            Err(Errno::AGAIN | Errno::IO | Errno::INTR) => Ok(0),
-            Err(error) => Err(error.into()),
-        }
+        none_if_busy(rustix::io::write(&self.master, bytes))
+    }
+}
+
+/// No bytes where there are none, no room for any, or no program.
+fn none_if_busy(count: rustix::io::Result<usize>) -> io::Result<usize> {
+    match count {
+        Err(Errno::AGAIN | Errno::IO | Errno::INTR) => Ok(0),
+        count => Ok(count?),
     }
 }
 

@@ -105,7 +105,9 @@ impl RealTime {
         let mut due = begun;
         while !stop.load(Ordering::Relaxed) && longest.is_none_or(|most| begun.elapsed() < most) {
             self.slice(report)?;
-            self.act(report);
+            if let Some(control) = &mut self.control {
+                control.poll(|line| self.attended.act(line, report));
+            }
             self.plug(plugged)?;
             due += Duration::from_micros(SLICE.as_us()).div_f64(self.speed);
             match due.checked_duration_since(Instant::now()) {
@@ -143,13 +145,6 @@ impl RealTime {
             self.measure_window();
         }
         Ok(())
-    }
-
-    /// Does what other programs ask for.
-    fn act(&mut self, report: &mut dyn FnMut(f64, &str)) {
-        if let Some(control) = &mut self.control {
-            control.poll(|line| self.attended.act(line, report));
-        }
     }
 
     /// Takes the pseudo-terminal away with the cable, and makes another one when it is back.

@@ -47,8 +47,6 @@ pub struct ReplayRecord {
     pub stack_high_water: u32,
     /// Time simulated, s.
     pub simulated_s: f64,
-    /// Part of this for which the core was awake, s.
-    pub busy_s: f64,
 }
 
 /// Plays `recording` from power-on to its end, or for `longest_s`. The drone stays in its clamp;
@@ -91,7 +89,6 @@ pub fn replay(
         cpu_load: begin.load_until(&finish),
         stack_high_water: rig.stack_high_water(),
         simulated_s: finish.at.as_secs_f64(),
-        busy_s: begin.load_until(&finish) * finish.at.as_secs_f64(),
     })
 }
 

@@ -188,44 +188,40 @@ pub fn parameters(airframe: Airframe, law: RocketLaw) -> Vec<(String, f32)> {
     let us_per_rad = 10.0 * SHAFT_PER_GIMBAL / DEG;
     let centre_us = crate::bench::ZERO_RUDDER_US;
     let ends = [-limit, limit].map(|angle| (centre_us + angle * us_per_rad) as f32);
-    let mut all = vec![
-        ("AXES".to_owned(), 2.0),
-        ("FUSE_ACC".to_owned(), 0.0),
-        ("LAUNCH_ACC".to_owned(), 15.0),
-        ("BURNOUT_ACC".to_owned(), 5.0),
-        ("BURN_S".to_owned(), 100.0),
-        ("SRV_SLEW_US_S".to_owned(), (rate * us_per_rad) as f32),
-    ];
+    let mut all = Vec::new();
+    let mut set = |name: &str, value: f32| all.push((name.to_owned(), value));
+    set("AXES", 2.0);
+    set("FUSE_ACC", 0.0);
+    set("LAUNCH_ACC", 15.0);
+    set("BURNOUT_ACC", 5.0);
+    set("BURN_S", 100.0);
+    set("SRV_SLEW_US_S", (rate * us_per_rad) as f32);
     for servo in ["SRV", "SRV2"] {
-        all.push((format!("{servo}_POLARITY"), 1.0));
-        all.push((format!("{servo}_MIN_US"), ends[0]));
-        all.push((format!("{servo}_MAX_US"), ends[1]));
+        set(&format!("{servo}_POLARITY"), 1.0);
+        set(&format!("{servo}_MIN_US"), ends[0]);
+        set(&format!("{servo}_MAX_US"), ends[1]);
     }
     let shaft = |gains: Gains| {
         let scale = SHAFT_PER_GIMBAL as f32;
-        [gains.kp * scale, gains.ki * scale, gains.kd * scale]
+        [("KP", gains.kp * scale), ("KI", gains.ki * scale), ("KD", gains.kd * scale)]
     };
     match law {
         RocketLaw::Constant(gains) => {
-            let [kp, ki, kd] = shaft(gains);
-            let constant = [
-                ("PID_LAW", 0.0),
-                ("GS_ROWS", 0.0),
-                ("PID_KP", kp),
-                ("PID_KI", ki),
-                ("PID_KD", kd),
-            ];
-            all.extend(constant.map(|(name, value)| (name.to_owned(), value)));
+            set("PID_LAW", 0.0);
+            set("GS_ROWS", 0.0);
+            for (name, gain) in shaft(gains) {
+                set(&format!("PID_{name}"), gain);
+            }
         }
         RocketLaw::Scheduled | RocketLaw::Cascade => {
-            let number = if law == RocketLaw::Cascade { 3.0 } else { 0.0 };
-            all.push(("PID_LAW".to_owned(), number));
-            all.push(("GS_ROWS".to_owned(), ROWS_S.len() as f32));
+            set("PID_LAW", if law == RocketLaw::Cascade { 3.0 } else { 0.0 });
+            set("GS_ROWS", ROWS_S.len() as f32);
             if let Ok(rocket) = Rocket::new(&airframe.parameters()) {
                 for (row, at_s) in (1..).zip(ROWS_S) {
-                    let [kp, ki, kd] = shaft(airframe.design().gains(&rocket, at_s));
-                    let gains = [("S", at_s as f32), ("KP", kp), ("KI", ki), ("KD", kd)];
-                    all.extend(gains.map(|(name, value)| (format!("GS{row}_{name}"), value)));
+                    set(&format!("GS{row}_S"), at_s as f32);
+                    for (name, gain) in shaft(airframe.design().gains(&rocket, at_s)) {
+                        set(&format!("GS{row}_{name}"), gain);
+                    }
                 }
             }
         }

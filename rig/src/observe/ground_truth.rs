@@ -5,39 +5,24 @@ use crate::observe::waves::Waves;
 use samd21::board::Ticks;
 use tvc_nano::Axis;
 
-/// The drone and the servo at one instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The vehicle and its servos at one instant. Lists name pitch first, then roll, which is 0
+/// throughout where the drone only pitches.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
     /// When.
     pub time: Ticks,
-    /// Pitch, rad, nose up positive. Of a drone that spins, pitch and roll are the parts of
-    /// its tilt in axes with the heading of the bench, and the rates those about its own axes.
-    pub pitch_rad: f64,
-    /// Pitch rate, rad/s.
-    pub rate_rad_s: f64,
-    /// Rudder angle, rad.
-    pub rudder_rad: f64,
-    /// Crank angle, rad.
-    pub crank_rad: f64,
-    /// Crank angle that the last finished pulse asks for, rad.
-    pub target_rad: f64,
-    /// The same of the roll axis; zeros where the drone only pitches.
-    pub roll: Roll,
-}
-
-/// The drone's roll and its servo at one instant.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Roll {
-    /// Roll, rad, right side down positive.
-    pub roll_rad: f64,
-    /// Roll rate, rad/s.
-    pub rate_rad_s: f64,
-    /// Rudder angle, rad.
-    pub rudder_rad: f64,
-    /// Crank angle, rad.
-    pub crank_rad: f64,
-    /// Crank angle that the last finished pulse asks for, rad.
-    pub target_rad: f64,
+    /// Pitch, nose up positive, and roll, right side down positive, rad. Of a drone that spins they
+    /// are the parts of its tilt in axes with the heading of the bench, and the rates those about
+    /// its own axes.
+    pub tilt_rad: [f64; Axis::COUNT],
+    /// Rates, rad/s.
+    pub rates_rad_s: [f64; Axis::COUNT],
+    /// Rudder angles, rad.
+    pub rudders_rad: [f64; Axis::COUNT],
+    /// Crank angles, rad.
+    pub cranks_rad: [f64; Axis::COUNT],
+    /// Crank angles that the last finished pulses ask for, rad.
+    pub targets_rad: [f64; Axis::COUNT],
 }
 
 /// A servo pulse.
@@ -117,6 +102,9 @@ pub struct Step {
     pub end: Ticks,
 }
 
+/// Longest time from the end of a burst to the step that works on it.
+const HAND_OVER: Ticks = Ticks::from_us(1000);
+
 /// Everything that was recorded, in order of time.
 #[derive(Clone, Debug, Default)]
 pub struct GroundTruth {
@@ -149,6 +137,14 @@ impl GroundTruth {
             Axis::Pitch => &self.pulses,
             Axis::Roll => &self.roll_pulses,
         }
+    }
+
+    /// The burst that a step works on: the newest one that had ended when the step began, unless
+    /// that was too long ago.
+    pub(crate) fn burst_of(&self, step: &Step) -> Option<&Burst> {
+        let ended = self.bursts.partition_point(|burst| burst.end <= step.start);
+        let burst = self.bursts.get(ended.checked_sub(1)?)?;
+        (step.start - burst.end <= HAND_OVER).then_some(burst)
     }
 
     /// The motion from `from` on.

@@ -20,7 +20,7 @@ const VALID_COUNTS: [u16; 3] = [200, 80, 64];
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Registers {
     pub(crate) refresh: Refresh,
-    pub(crate) faultless: [i16; 9],
+    pub(crate) faultless: [[i16; 3]; 3],
 }
 
 /// A transaction under way.
@@ -91,7 +91,7 @@ impl LogicAnalyzer {
                 if t.count.is_multiple_of(2)
                     && let Some(word) = t.faultless.get_mut(t.count / 2)
                 {
-                    *word = registers.faultless[t.count / 2];
+                    *word = registers.faultless.as_flattened()[t.count / 2];
                 }
                 if let Some(byte) = t.bytes.get_mut(t.count) {
                     *byte = reply.data;
@@ -197,7 +197,11 @@ mod tests {
     ) {
         let registers = Registers {
             refresh: Refresh { at: Ticks::from_us(500), recorded: None },
-            faultless: [0x0100, 0x0302, 0x0504, 0x0706, 0x0908, 0x0B0A, 0x0D0C, 0x0F0E, 0x1110],
+            faultless: [
+                [0x0100, 0x0302, 0x0504],
+                [0x0706, 0x0908, 0x0B0A],
+                [0x0D0C, 0x0F0E, 0x1110],
+            ],
         };
         analyzer.i2c(Ticks::from_us(us), event, reply, registers, truth);
     }

@@ -118,7 +118,7 @@ impl Run {
         let responses = [pitch?, roll?];
         let motion = record.motion.iter();
         let path: Vec<(f64, [f64; 2])> =
-            motion.map(|m| (since(record, m.time), [m.pitch_rad, m.roll.roll_rad])).collect();
+            motion.map(|m| (since(record, m.time), m.tilt_rad)).collect();
         let rest = path.iter().filter(|(at_s, _)| *at_s >= FLIGHT_S - REST_S);
         let rest: Vec<f64> = rest.map(|(_, [pitch, _])| pitch * pitch).collect();
         let upright = start_rad.iter().position(|start| *start == 0.0);

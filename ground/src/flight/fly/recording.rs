@@ -44,7 +44,7 @@ impl Flying<'_> {
             })
             .with_context(|| format!("playing {name}"))?;
             live.end();
-            emulation.add(record.simulated_s, record.busy_s);
+            emulation.add(record.simulated_s, record.cpu_load * record.simulated_s);
             Ok(record)
         };
         let record = pass(format!("playing {name}"), 1, length)?;

@@ -46,13 +46,13 @@ pub fn flown(record: &FlightRecord) -> Result<Markup> {
     let estimated = record.received.attitudes.iter().filter(|a| a.at >= record.released);
     let estimated = estimated.map(|a| (since(record, a.at), a.pitch_rad().to_degrees()));
     let pitch = [
-        Line::new("true", 0, motion(|m| m.pitch_rad)),
+        Line::new("true", 0, motion(|m| m.tilt_rad[0])),
         Line::new("estimated, as it arrives", 1, estimated.collect()),
     ];
     let rudder = [
-        Line::new("crank commanded", 4, motion(|m| m.target_rad)),
-        Line::new("crank", 2, motion(|m| m.crank_rad)),
-        Line::new("rudder", 0, motion(|m| m.rudder_rad)),
+        Line::new("crank commanded", 4, motion(|m| m.targets_rad[0])),
+        Line::new("crank", 2, motion(|m| m.cranks_rad[0])),
+        Line::new("rudder", 0, motion(|m| m.rudders_rad[0])),
     ];
     let time = "time since release, s";
     let pitch = Plot::new(time, "pitch, deg", pitch.into()).with_band(Some((-band, band)));

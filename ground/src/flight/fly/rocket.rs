@@ -317,11 +317,8 @@ impl Run {
     fn of(record: &FlightRecord, burn_s: f64, seed: u64, case: Case) -> Self {
         let seconds = |at: Ticks| since(record, at);
         let angle_deg = |tilt: [f64; 2]| tilt[0].hypot(tilt[1]).to_degrees();
-        let path: Vec<(f64, f64)> = record
-            .motion
-            .iter()
-            .map(|m| (seconds(m.time), angle_deg([m.pitch_rad, m.roll.roll_rad])))
-            .collect();
+        let path: Vec<(f64, f64)> =
+            record.motion.iter().map(|m| (seconds(m.time), angle_deg(m.tilt_rad))).collect();
         let states = record.received.heartbeats.iter();
         let active = |is_active: bool, after_s: f64| {
             let mut states = states.clone().map(|beat| (seconds(beat.at), beat.state));
@@ -338,7 +335,7 @@ impl Run {
         let errors = path.iter().filter(|(at_s, _)| (from_s..burn_s).contains(at_s));
         let errors: Vec<f64> = errors.map(|(_, error)| *error).collect();
         let square: f64 = errors.iter().map(|error| error * error).sum();
-        let gimbal = record.motion.iter().flat_map(|m| [m.rudder_rad, m.roll.rudder_rad]);
+        let gimbal = record.motion.iter().flat_map(|m| m.rudders_rad);
         let believed = record.received.attitudes.iter().rev();
         let mut believed = believed.skip_while(|attitude| seconds(attitude.at) > burn_s);
         let pulses = || record.pulses.iter().chain(&record.roll_pulses);

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use rig::bno055::{Config, ImuErrors};
-use rig::sensor_motion::{MotionPlan, Sample, record};
 use serde_json::Value;
 
 use crate::running;
+use recording::{MotionPlan, Sample, record};
 
 #[cfg(unix)]
 mod guided;
+mod recording;
 mod truth;
 
 fn errors(soft_iron: [[f64; 3]; 3]) -> ImuErrors {

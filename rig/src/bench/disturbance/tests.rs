@@ -27,7 +27,7 @@ fn steered(mut environment: Environment, width_us: u64) -> Environment {
 fn crank_at(environment: &Environment, ms: u64) -> f64 {
     let motion = &environment.truth.motion;
     let at = motion.partition_point(|m| m.time < Ticks::from_ms(ms));
-    motion[at].crank_rad
+    motion[at].cranks_rad[0]
 }
 
 fn stiff(volts: f64) -> SupplySag {
@@ -109,7 +109,7 @@ fn half_the_thrust_turns_the_drone_half_as_fast() {
         bench.disturbances.thrust_ramp = ramp;
         let environment = steered(Environment::new(&bench).unwrap(), 1600);
         let last = environment.truth.motion.last().unwrap();
-        (last.rate_rad_s, last.rudder_rad)
+        (last.rates_rad_s[0], last.rudders_rad[0])
     };
     let (whole, rudder) = rate_after(None);
     let held = ThrustRamp { from_pct: 50.0, seconds: 1e6 };

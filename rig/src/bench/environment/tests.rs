@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::bench::sensor_motion::resting;
+use crate::bench::{EarthField, TimedFault, Wiring};
 use calibration::poses::Face;
 use nalgebra::Vector3;
 
@@ -69,7 +70,7 @@ fn the_clamp_holds_tilts_and_lets_go() {
     assert_eq!(environment.vehicle().pitch_rad(), 0.0);
     environment.tilt_clamp_to([0.4, 0.0]);
     environment.advance(Ticks::from_ms(500));
-    assert!((environment.truth.motion.last().unwrap().rate_rad_s - 0.5).abs() < 1e-9);
+    assert!((environment.truth.motion.last().unwrap().rates_rad_s[0] - 0.5).abs() < 1e-9);
     environment.advance(Ticks::from_ms(1000));
     assert!(environment.clamp_rests());
     assert_eq!(environment.vehicle().pitch_rad(), 0.4);
@@ -89,14 +90,16 @@ fn the_sensor_is_taken_off_turned_and_put_back() {
     assert!(!held.has_arrived());
     environment.advance(Ticks::from_ms(700));
     let (held, _) = environment.held_sensor.as_ref().unwrap();
-    let felt = stimulus::in_hand(&held.attitude(), Vector3::zeros(), &environment.field, 9.81);
+    let felt =
+        stimulus::in_hand(&held.attitude(), Vector3::zeros(), &environment.bench.field, 9.81);
     for (axis, expected) in [9.81, 0.0, 0.0].into_iter().enumerate() {
         assert!((felt.specific_force_m_s2[axis] - expected).abs() < 1e-6);
     }
     environment.put_back();
     environment.advance(Ticks::from_ms(2190));
     let (held, _) = environment.held_sensor.as_ref().unwrap();
-    let felt = stimulus::in_hand(&held.attitude(), Vector3::zeros(), &environment.field, 9.81);
+    let felt =
+        stimulus::in_hand(&held.attitude(), Vector3::zeros(), &environment.bench.field, 9.81);
     for axis in 0..3 {
         let off = felt.field_ut[axis] - on_the_drone.field_ut[axis];
         assert!(off.abs() < 0.5, "{off}");

@@ -71,7 +71,7 @@ mod sound;
 mod system;
 
 pub use judge::neutral_us;
-pub use outcome::{Ending, Outcome, Unsafe, Watched};
+pub use outcome::{Ending, Outcome, Unsafe, Verdict, Watched};
 pub use phase::Phase;
 pub use plan::Plan;
 pub use sound::{Alarms, Sound, SoundKind};
@@ -267,13 +267,10 @@ impl Campaign {
             Kind::System(kind) => {
                 let mut what = String::new();
                 match self.run_system(case, kind, &mut fork, &begun, &mut dice, &mut what) {
-                    Err(FlightError::Rig(stopped)) => Ok(self.outcome(
-                        case,
-                        &begun,
-                        what,
-                        Ending::Unmodelled(stopped.to_string()),
-                        &fork,
-                    )),
+                    Err(FlightError::Rig(stopped)) => {
+                        let verdict = Verdict::new(Ending::Unmodelled(stopped.to_string()));
+                        Ok(self.outcome(case, &begun, what, verdict, &fork))
+                    }
                     other => other,
                 }
             }
@@ -294,21 +291,16 @@ impl Campaign {
         rig.clear(fault);
         station.run(rig, WATCHED)?;
         let mut verdict = self.judge_sensor(begun, &fork);
-        if matches!(verdict.0, Ending::Unsafe(Unsafe::OffCourse(_))) {
+        if matches!(verdict.ending, Ending::Unsafe(Unsafe::OffCourse(_))) {
             // It may be on its way back.
             let Ready { rig, station, .. } = &mut fork;
             station.run(rig, WATCHED)?;
             verdict = self.judge_sensor(begun, &fork);
         }
-        let (ending, unguarded) = verdict;
-        Ok(Outcome {
-            unguarded_ms: unguarded.as_us_f64() / 1e3,
-            noticed: ending == Ending::Neutral,
-            ..self.outcome(case, begun, format!("{fault:?}"), ending, &fork)
-        })
+        Ok(self.outcome(case, begun, format!("{fault:?}"), verdict, &fork))
     }
 
-    fn judge_sensor(&self, begun: &Begun, fork: &Ready) -> (Ending, Ticks) {
+    fn judge_sensor(&self, begun: &Begun, fork: &Ready) -> Verdict {
         let Ready { rig, station, .. } = fork;
         let truth = rig.truth();
         judge_sensor(&SensorRun {
@@ -362,7 +354,7 @@ impl Campaign {
         station.run(rig, (last + RESTART).saturating_sub(rig.now()))?;
 
         let truth = rig.truth();
-        let verdict = judge_system(&SystemRun {
+        let mut verdict = judge_system(&SystemRun {
             injected: begun.at,
             frame: self.frame,
             phase: self.phase,
@@ -387,15 +379,9 @@ impl Campaign {
         });
         let mut texts = station.received().texts.iter().skip(told);
         let told = texts.any(|text| !self.undisturbed.texts.contains(&text.text));
-        Ok(Outcome {
-            wrong_ms: verdict.wrong.as_us_f64() / 1e3,
-            silent_ms: verdict.silent.as_us_f64() / 1e3,
-            strays: verdict.strays,
-            for_ever: verdict.for_ever,
-            noticed: verdict.noticed || told,
-            harmless: verdict.harmless && !told,
-            ..self.outcome(case, begun, fault.what, verdict.ending, fork)
-        })
+        verdict.noticed |= told;
+        verdict.harmless &= !told;
+        Ok(self.outcome(case, begun, fault.what, verdict, fork))
     }
 
     fn rudders<'a>(&'a self, begun: &Begun, truth: &'a GroundTruth) -> Vec<Rudder<'a>> {
@@ -414,14 +400,17 @@ impl Campaign {
         case: Case,
         begun: &Begun,
         fault: String,
-        ending: Ending,
+        verdict: Verdict,
         fork: &Ready,
     ) -> Outcome {
         Outcome {
+            case,
             at_s: (begun.at - self.undisturbed.begin).as_secs_f64(),
             lasted_s: begun.lasted.as_secs_f64(),
+            fault,
+            verdict,
             said: fork.station.last_text().unwrap_or_default().to_owned(),
-            ..Outcome::new(case, fault, ending)
+            watched: Watched::default(),
         }
     }
 }

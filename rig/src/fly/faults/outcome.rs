@@ -79,7 +79,44 @@ fn ended(state: &Option<StateKind>) -> String {
     named.unwrap_or("no word from the firmware".into())
 }
 
-/// A run and how it ended.
+/// What became of a run.
+#[derive(Clone, Debug)]
+pub struct Verdict {
+    /// How it ended.
+    pub ending: Ending,
+    /// Longest time for which a rudder was off neutral without valid data; zero beyond the sensor.
+    pub unguarded: Ticks,
+    /// Longest time for which a rudder was driven wrongly; zero for faults of the sensor.
+    pub wrong: Ticks,
+    /// Longest time without a pulse behind one that was not neutral; zero for faults of the sensor.
+    pub silent: Ticks,
+    /// Pulses that were neither neutral nor what the program had asked for.
+    pub strays: usize,
+    /// At the end of the run a rudder was still driven wrongly, or had no pulses.
+    pub for_ever: bool,
+    /// The firmware has told, or restarted with a reason.
+    pub noticed: bool,
+    /// Nothing was noticed, and no pulse was another than without the fault.
+    pub harmless: bool,
+}
+
+impl Verdict {
+    /// With nothing but its ending.
+    pub(super) fn new(ending: Ending) -> Self {
+        Self {
+            ending,
+            unguarded: Ticks::ZERO,
+            wrong: Ticks::ZERO,
+            silent: Ticks::ZERO,
+            strays: 0,
+            for_ever: false,
+            noticed: false,
+            harmless: false,
+        }
+    }
+}
+
+/// A run and what became of it.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// The run's kind and number.
@@ -90,22 +127,8 @@ pub struct Outcome {
     pub lasted_s: f64,
     /// What was switched on, in words.
     pub fault: String,
-    /// How it ended.
-    pub ending: Ending,
-    /// Longest time for which the rudder was off neutral without valid data, ms.
-    pub unguarded_ms: f64,
-    /// Longest time for which a rudder was driven wrongly, ms.
-    pub wrong_ms: f64,
-    /// Longest time without a pulse behind one that was not neutral, ms.
-    pub silent_ms: f64,
-    /// Pulses that were neither neutral nor what the program had asked for.
-    pub strays: usize,
-    /// At the end of the run a rudder was still driven wrongly, or had no pulses.
-    pub for_ever: bool,
-    /// The firmware has told, or restarted with a reason.
-    pub noticed: bool,
-    /// Nothing was noticed, and no pulse was another than without the fault.
-    pub harmless: bool,
+    /// What became of it.
+    pub verdict: Verdict,
     /// The firmware's last text.
     pub said: String,
     /// What was watched of a sound vehicle.
@@ -121,26 +144,4 @@ pub struct Watched {
     pub frames: u64,
     /// Bursts that the sensor was asked for.
     pub bursts: usize,
-}
-
-impl Outcome {
-    /// With nothing but this of it.
-    pub(super) fn new(case: Case, fault: String, ending: Ending) -> Self {
-        Self {
-            case,
-            at_s: 0.0,
-            lasted_s: 0.0,
-            fault,
-            ending,
-            unguarded_ms: 0.0,
-            wrong_ms: 0.0,
-            silent_ms: 0.0,
-            strays: 0,
-            for_ever: false,
-            noticed: false,
-            harmless: false,
-            said: String::new(),
-            watched: Watched::default(),
-        }
-    }
 }

@@ -4,12 +4,10 @@ use client::StateKind;
 use samd21::board::Ticks;
 
 use super::{Rudder, TRAVEL_US};
-use crate::fly::faults::{DEADLINE, Ending, Unsafe};
+use crate::fly::faults::{DEADLINE, Ending, Unsafe, Verdict};
 use crate::ground_station::Heartbeat;
 use crate::observe::ground_truth::{GroundTruth, Motion};
 
-/// Longest time from the end of a burst to the step that works on it.
-const HAND_OVER: Ticks = Ticks::from_us(1000);
 /// A drone farther than this from its undisturbed flight has not recovered, rad.
 const OFF_COURSE_RAD: f64 = 0.1;
 /// The last part of a run, in which that is judged.
@@ -32,8 +30,8 @@ pub(crate) struct SensorRun<'a> {
     pub(crate) reset: bool,
 }
 
-/// The ending, and the longest time for which a rudder was without valid data.
-pub(crate) fn judge_sensor(run: &SensorRun<'_>) -> (Ending, Ticks) {
+/// The verdict on a run with a fault of the sensor or its cable.
+pub(crate) fn judge_sensor(run: &SensorRun<'_>) -> Verdict {
     let unguarded = run.rudders.iter().map(|rudder| run.longest_unguarded(rudder));
     let unguarded = unguarded.max().unwrap_or_default();
     let state = run.heartbeats.last().and_then(|beat| beat.state);
@@ -50,7 +48,7 @@ pub(crate) fn judge_sensor(run: &SensorRun<'_>) -> (Ending, Ticks) {
         (None, Some(StateKind::Failsafe)) => Ending::Neutral,
         (None, state) => Ending::Unsafe(Unsafe::State(state)),
     };
-    (ending, unguarded)
+    Verdict { unguarded, noticed: ending == Ending::Neutral, ..Verdict::new(ending) }
 }
 
 impl SensorRun<'_> {
@@ -78,12 +76,9 @@ impl SensorRun<'_> {
 
     /// Ends of the steps that worked on a valid burst.
     fn valid_steps(&self) -> impl Iterator<Item = Ticks> {
-        self.truth.steps.iter().filter_map(|step| {
-            let ended = self.truth.bursts.partition_point(|b| b.end <= step.start);
-            let burst = self.truth.bursts.get(ended.checked_sub(1)?)?;
-            let used = burst.valid && step.start - burst.end <= HAND_OVER;
-            used.then_some(step.end)
-        })
+        let steps = self.truth.steps.iter();
+        let valid = steps.filter(|step| self.truth.burst_of(step).is_some_and(|burst| burst.valid));
+        valid.map(|step| step.end)
     }
 
     fn wrong_pulses(&self, rudder: &Rudder<'_>) -> Option<Unsafe> {
@@ -126,8 +121,8 @@ impl SensorRun<'_> {
             .map(|motion| {
                 let at = self.reference.partition_point(|m| m.time < motion.time);
                 self.reference.get(at).map_or(f64::INFINITY, |m| {
-                    let roll = m.roll.roll_rad - motion.roll.roll_rad;
-                    (m.pitch_rad - motion.pitch_rad).hypot(roll)
+                    let [pitch, roll] = [0, 1].map(|axis| m.tilt_rad[axis] - motion.tilt_rad[axis]);
+                    pitch.hypot(roll)
                 })
             })
             .fold(0.0, f64::max)
@@ -167,7 +162,7 @@ mod tests {
     }
 
     fn judged(truth: &GroundTruth, heartbeats: &[Heartbeat]) -> (Ending, u64) {
-        let (ending, unguarded) = judge_sensor(&SensorRun {
+        let verdict = judge_sensor(&SensorRun {
             injected: Ticks::ZERO,
             frame: FRAME,
             rudders: vec![Rudder {
@@ -183,7 +178,7 @@ mod tests {
             heartbeats,
             reset: false,
         });
-        (ending, unguarded.as_us() / 1000)
+        (verdict.ending, verdict.unguarded.as_us() / 1000)
     }
 
     #[test]

@@ -6,7 +6,7 @@ use samd21::peripherals::ResetCause;
 use tvc_nano::Axis;
 
 use super::{Rudder, Stray, TRAVEL_US};
-use crate::fly::faults::{Ending, Phase, SILENCE_LIMIT, Unsafe, WRONG_LIMIT};
+use crate::fly::faults::{Ending, Phase, SILENCE_LIMIT, Unsafe, Verdict, WRONG_LIMIT};
 use crate::ground_station::Heartbeat;
 use crate::observe::ground_truth::{GroundTruth, Motion, Pulse};
 
@@ -50,21 +50,6 @@ pub(crate) enum Blame {
     Last,
     /// None: the fault ends the pulses by itself, and no instruction runs that could prevent it.
     None,
-}
-
-/// What became of such a run.
-pub(crate) struct Verdict {
-    pub(crate) ending: Ending,
-    /// Longest time for which a rudder was driven wrongly.
-    pub(crate) wrong: Ticks,
-    /// Longest time without a pulse behind one that was not neutral.
-    pub(crate) silent: Ticks,
-    /// Pulses that were neither neutral nor what the program had asked for.
-    pub(crate) strays: usize,
-    /// A rudder is still driven wrongly at the end, or has no pulses.
-    pub(crate) for_ever: bool,
-    pub(crate) noticed: bool,
-    pub(crate) harmless: bool,
 }
 
 /// A pulse this near to that of the flight without the fault is no wrong one, us.
@@ -125,13 +110,13 @@ pub(crate) fn judge_system(run: &SystemRun<'_>) -> Verdict {
         None => Ending::Restarted,
     };
     Verdict {
-        ending,
         wrong,
         silent,
         strays: strays.len(),
         for_ever: rudders().any(|(rudder, reference)| run.is_for_ever(rudder, reference)),
         noticed,
         harmless,
+        ..Verdict::new(ending)
     }
 }
 
@@ -269,13 +254,9 @@ impl SystemRun<'_> {
 
     /// How far the drone is from the flight without the fault, rad.
     fn astray(&self, axis: Axis, time: Ticks) -> f64 {
-        let angle = |motion: &Motion| match axis {
-            Axis::Pitch => motion.pitch_rad,
-            Axis::Roll => motion.roll.roll_rad,
-        };
         let at = |motions: &[Motion]| {
             let index = motions.partition_point(|motion| motion.time < time);
-            motions.get(index).or(motions.last()).map(angle)
+            motions.get(index).or(motions.last()).map(|motion| motion.tilt_rad[axis.index()])
         };
         at(&self.truth.motion).unwrap_or(f64::NAN) - at(self.reference).unwrap_or(f64::NAN)
     }

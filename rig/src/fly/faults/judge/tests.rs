@@ -4,7 +4,7 @@ use client::StateKind;
 use samd21::board::Ticks;
 
 use crate::ground_station::Heartbeat;
-use crate::observe::ground_truth::{Asked, Motion, Pulse, Roll};
+use crate::observe::ground_truth::{Asked, Motion, Pulse};
 
 pub(crate) const ACTIVE: f64 = 1600.0;
 pub(crate) const NEUTRAL: f64 = 1523.6;
@@ -16,15 +16,7 @@ pub(crate) fn ms(ms: u64) -> Ticks {
 
 /// The drone at rest at a pitch.
 pub(crate) fn motion(pitch_rad: f64) -> Vec<Motion> {
-    let at = |time| Motion {
-        time: ms(time),
-        pitch_rad,
-        rate_rad_s: 0.0,
-        rudder_rad: 0.0,
-        crank_rad: 0.0,
-        target_rad: 0.0,
-        roll: Roll::default(),
-    };
+    let at = |time| Motion { time: ms(time), tilt_rad: [pitch_rad, 0.0], ..Motion::default() };
     (0..1000).map(at).collect()
 }
 

@@ -12,11 +12,9 @@ use tvc_nano::failsafe::ReasonKind;
 use super::super::Phase;
 use super::super::judge::Rudder;
 use crate::ground_station::Heartbeat;
-use crate::observe::ground_truth::{Burst, GroundTruth, Step};
+use crate::observe::ground_truth::{GroundTruth, Step};
 use crate::observe::measure::LoopTiming;
 
-/// Longest time from the end of a burst to the step that works on it.
-const HAND_OVER: Ticks = Ticks::from_us(1000);
 /// Largest deviation of a control period, us.
 pub(super) const JITTER_US: f64 = 100.0;
 /// Longest time from step to step: two and a half of the slowest ticks.
@@ -216,15 +214,7 @@ impl Seen<'_> {
     /// Steps that worked on no burst.
     fn without_burst(&self, from: Ticks, to: Ticks) -> usize {
         let steps = self.within(from, to).iter();
-        steps.filter(|step| self.burst_of(step).is_none()).count()
-    }
-
-    /// The burst that a step had.
-    fn burst_of(&self, step: &Step) -> Option<&Burst> {
-        let bursts = &self.truth.bursts;
-        let ended = bursts.partition_point(|burst| burst.end <= step.start);
-        let burst = bursts.get(ended.checked_sub(1)?)?;
-        (step.start - burst.end <= HAND_OVER).then_some(burst)
+        steps.filter(|step| self.truth.burst_of(step).is_none()).count()
     }
 
     /// Steps that did not come at all.
@@ -288,6 +278,7 @@ mod tests {
     use super::super::super::judge::tests::{FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
     use super::*;
     use crate::bno055::Refresh;
+    use crate::observe::ground_truth::Burst;
 
     /// A second of a sound vehicle, with what is to be wrong in it.
     struct Sound {

@@ -31,7 +31,9 @@ use tvc_nano::params::{Change, Range};
 use tvc_nano::store::Loaded;
 
 use super::phase::{is_same, stored};
-use super::{Case, Ending, Kind, Outcome, Phase, Watched, neutral_us, reported_parameters};
+use super::{
+    Case, Ending, Kind, Outcome, Phase, Verdict, Watched, neutral_us, reported_parameters,
+};
 use crate::bno055::Fault;
 use crate::fly::flight::{FlightError, Ready, Setup, Stage, prepare};
 use crate::ground_station::GroundStationError;
@@ -184,21 +186,16 @@ impl Sound {
                 }
             }
         }
-        let alarms = run.alarms;
+        let noticed = run.alarms.is_any();
+        let ending = if noticed { Ending::Alarmed(run.alarms) } else { Ending::Recovered };
         Ok(Outcome {
+            case,
+            at_s: 0.0,
             lasted_s: self.length().as_secs_f64(),
-            watched: run.watched,
+            fault: what,
+            verdict: Verdict { noticed, harmless: !noticed, ..Verdict::new(ending) },
             said: run.said,
-            noticed: alarms.is_any(),
-            harmless: !alarms.is_any(),
-            ..Outcome::new(
-                case,
-                what,
-                match alarms.is_any() {
-                    true => Ending::Alarmed(alarms),
-                    false => Ending::Recovered,
-                },
-            )
+            watched: run.watched,
         })
     }
 
