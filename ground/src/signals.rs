@@ -13,7 +13,7 @@ pub fn on_signal() -> Result<&'static AtomicBool> {
     Ok(&STOP)
 }
 
-/// Whether a command that has lasted so long shall end: it was told to, or so many seconds are over.
+/// Whether a command that has lasted so long shall end: it was told to, or its seconds are over.
 pub fn asked(flag: &AtomicBool, lasted: Duration, longest_s: Option<f64>) -> bool {
     let is_over = |most_s| lasted >= Duration::from_secs_f64(most_s);
     flag.load(Ordering::Relaxed) || longest_s.is_some_and(is_over)

@@ -302,8 +302,8 @@ impl Vehicle {
         Ok(self.link.client.parameters().cloned().collect())
     }
 
-    /// Keeps every frame, both ways, in a new log; also asks for every parameter, so that the log can
-    /// be replayed.
+    /// Keeps every frame, both ways, in a new log; also asks for every parameter, so that the log
+    /// can be replayed.
     ///
     /// # Errors
     /// The log cannot be written; silence.

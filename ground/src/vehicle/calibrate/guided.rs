@@ -60,8 +60,9 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     Ok(Verdict::of(!ending.refused))
 }
 
-/// Leads through the calibration of what is wanted, with the declination `asked_deg`, shows what was found and writes it, if the person agrees; also
-/// why a file could not be written, which takes nothing of the calibration away.
+/// Leads through the calibration of what is wanted, shows what was found and writes it, if the
+/// person agrees. Gives also why a file could not be written, which takes nothing of the
+/// calibration away. The person is asked for the declination unless it is `asked_deg`.
 ///
 /// # Errors
 /// The vehicle does not answer, or the person wants an end.

@@ -89,8 +89,8 @@ fn with_picture(words: &str, seen: Option<&Coverage>) -> String {
     seen.map_or(words.to_owned(), |seen| format!("{words}\n{}", picture(seen)))
 }
 
-/// The directions that were seen, as characters: rows of the sphere from the top down, azimuth along
-/// each. Full cells were seen often, empty ones never.
+/// The directions that were seen, as characters: rows of the sphere from the top down, azimuth
+/// along each. Full cells were seen often, empty ones never.
 fn picture(coverage: &Coverage) -> String {
     let rows = coverage.counts().iter().rev().map(|band| {
         let cells = band.iter().map(|count| match count {

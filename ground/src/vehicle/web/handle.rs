@@ -84,8 +84,8 @@ impl Handle {
         self.ask(|reply| Ask::Request(request, condition, reply))
     }
 
-    /// Begins a log of a test or of whatever happens; the answer is its path, or an error if another log is being written, the
-    /// folder takes no file, or there is no port.
+    /// Begins a log, of the test of this name or of whatever happens; the answer is its path, or an
+    /// error if another log is being written, the folder takes no file, or there is no port.
     pub fn record(&self, test: Option<&'static str>) -> Answer<PathBuf> {
         self.ask(|reply| Ask::Record(test, reply))
     }
