@@ -306,8 +306,7 @@ impl Campaign {
         judge_sensor(&SensorRun {
             injected: begun.at,
             frame: self.frame,
-            rudders: self.rudders(begun, truth),
-            clock_error: rig.clock_error(),
+            rudders: self.rudders(begun, truth, rig.clock_error()),
             truth,
             reference: &self.undisturbed.motion,
             heartbeats: &station.received().heartbeats,
@@ -354,11 +353,12 @@ impl Campaign {
         station.run(rig, (last + RESTART).saturating_sub(rig.now()))?;
 
         let truth = rig.truth();
+        let clock_error = (fault.shifted_ppm * 1e-6).abs() + rig.clock_error();
         let mut verdict = judge_system(&SystemRun {
             injected: begun.at,
             frame: self.frame,
             phase: self.phase,
-            rudders: self.rudders(begun, truth),
+            rudders: self.rudders(begun, truth, clock_error),
             reference_pulses: self
                 .neutral_us
                 .iter()
@@ -375,7 +375,6 @@ impl Campaign {
                 true => Blame::None,
                 false => fault.blame,
             },
-            clock_error: (fault.shifted_ppm * 1e-6).abs() + rig.clock_error(),
         });
         let mut texts = station.received().texts.iter().skip(told);
         let told = texts.any(|text| !self.undisturbed.texts.contains(&text.text));
@@ -384,13 +383,19 @@ impl Campaign {
         Ok(self.outcome(case, begun, fault.what, verdict, fork))
     }
 
-    fn rudders<'a>(&'a self, begun: &Begun, truth: &'a GroundTruth) -> Vec<Rudder<'a>> {
+    fn rudders<'a>(
+        &'a self,
+        begun: &Begun,
+        truth: &'a GroundTruth,
+        clock_error: f64,
+    ) -> Vec<Rudder<'a>> {
         let rudder = |(axis, neutral_us): &(Axis, RangeInclusive<f64>)| Rudder {
             axis: *axis,
             neutral_us: neutral_us.clone(),
             before: begun.before[axis.index()],
             pulses: truth.pulses_of(*axis),
             high: truth.high[axis.index()],
+            clock_error,
         };
         self.neutral_us.iter().map(rudder).collect()
     }

@@ -46,6 +46,9 @@ pub(crate) struct Rudder<'a> {
     pub(crate) pulses: &'a [Pulse],
     /// The pulse that has begun and not ended.
     pub(crate) high: Option<High>,
+    /// Relative error of the main clock, which the timer's pulses have, too. Until start-of-frame
+    /// has locked a clock that was off they are off to either side: nothing on the chip can tell.
+    pub(crate) clock_error: f64,
 }
 
 /// A pulse that is neither neutral nor what the program had asked for.
@@ -61,22 +64,24 @@ impl Rudder<'_> {
         self.neutral_us.contains(&pulse.width_us())
     }
 
-    /// Whether a pulse is the neutral one, made with a clock that is this far off, relative.
-    pub(crate) fn is_neutral_by(&self, pulse: &Pulse, clock_error: f64) -> bool {
-        let (least, most) = (self.neutral_us.start(), self.neutral_us.end());
-        let slack = 1.0 / (1.0 - clock_error.abs());
-        (least / slack..=most * slack).contains(&pulse.width_us())
+    /// Whether a pulse is the neutral one, made with the clock that there is.
+    pub(crate) fn is_about_neutral(&self, pulse: &Pulse) -> bool {
+        self.is_between(pulse, *self.neutral_us.start(), *self.neutral_us.end())
     }
 
-    /// The stray pulses until `end`, with a clock that is this far off; and the one that has not
-    /// ended, if it is longer than any.
-    pub(crate) fn strays(&self, frame: Ticks, clock_error: f64, end: Ticks) -> Vec<Stray> {
+    /// Whether a pulse has a width between these, us, to within the clock's error.
+    fn is_between(&self, pulse: &Pulse, least_us: f64, most_us: f64) -> bool {
+        let slack = 1.0 / (1.0 - self.clock_error.abs());
+        (least_us / slack..=most_us * slack).contains(&pulse.width_us())
+    }
+
+    /// The stray pulses until `end`; and the one that has not ended, if it is longer than any.
+    pub(crate) fn strays(&self, frame: Ticks, end: Ticks) -> Vec<Stray> {
         let nexts = self.pulses.iter().skip(1).map(|next| next.rise);
         let nexts = nexts.chain([self.high.map_or(end, |high| high.rise)]);
         let with_next = self.pulses.iter().zip(nexts);
         let strays = with_next.filter_map(|(pulse, next)| {
-            let is_stray =
-                !pulse.is_as_asked(clock_error) && !self.is_neutral_by(pulse, clock_error);
+            let is_stray = !pulse.is_as_asked(self.clock_error) && !self.is_about_neutral(pulse);
             let width_us = pulse.width_us();
             let Asked([asked, _]) = pulse.asked;
             is_stray.then(|| Stray {

@@ -19,8 +19,6 @@ pub(crate) struct SensorRun<'a> {
     pub(crate) frame: Ticks,
     /// Of every axis that is steered.
     pub(crate) rudders: Vec<Rudder<'a>>,
-    /// Relative error of the main clock.
-    pub(crate) clock_error: f64,
     /// From the fault on.
     pub(crate) truth: &'a GroundTruth,
     /// The flight without the fault.
@@ -83,7 +81,7 @@ impl SensorRun<'_> {
 
     fn wrong_pulses(&self, rudder: &Rudder<'_>) -> Option<Unsafe> {
         let end = self.truth.motion.last()?.time;
-        if let Some(stray) = rudder.strays(self.frame, self.clock_error, end).first() {
+        if let Some(stray) = rudder.strays(self.frame, end).first() {
             return Some(stray.what);
         }
         let mut last = rudder.before.map_or(self.injected, |pulse| pulse.rise);
@@ -171,8 +169,8 @@ mod tests {
                 before: Some(pulse(Ticks::ZERO, ACTIVE)),
                 pulses: &truth.pulses,
                 high: truth.high[0],
+                clock_error: 0.0,
             }],
-            clock_error: 0.0,
             truth,
             reference: &motion(0.0),
             heartbeats,

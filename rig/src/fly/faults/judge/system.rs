@@ -35,10 +35,6 @@ pub(crate) struct SystemRun<'a> {
     pub(crate) stored_others: bool,
     /// Which stray pulses count.
     pub(crate) blame: Blame,
-    /// Relative error of the main clock while the fault lasts. The timer's pulses have it, too, and
-    /// until start-of-frame has locked the clock again they are off to either side: nothing on the
-    /// chip can tell.
-    pub(crate) clock_error: f64,
 }
 
 /// Which stray pulses of a run are unsafe by themselves. Others count as driven wrongly.
@@ -129,11 +125,6 @@ fn nearest(pulses: &[Pulse], time: Ticks) -> Option<&Pulse> {
 }
 
 impl SystemRun<'_> {
-    /// Whether a pulse is the neutral one, made with the clock that there is.
-    fn is_neutral(&self, rudder: &Rudder<'_>, pulse: &Pulse) -> bool {
-        rudder.is_neutral_by(pulse, self.clock_error)
-    }
-
     fn longest_frame(&self) -> Ticks {
         match self.resets {
             [] => self.frame,
@@ -145,15 +136,7 @@ impl SystemRun<'_> {
         let end = self.truth.motion.last();
         let end = end.map_or(self.injected, |motion| motion.time);
         let rudders = self.rudders.iter();
-        rudders
-            .flat_map(|rudder| rudder.strays(self.longest_frame(), self.clock_error, end))
-            .collect()
-    }
-
-    /// Whether a pulse that was to have a width has it to within `near_us` and the clock's error.
-    fn is_within(&self, width: f64, wanted_us: f64, near_us: f64) -> bool {
-        let slack = 1.0 / (1.0 - self.clock_error.abs());
-        ((wanted_us - near_us) / slack..=(wanted_us + near_us) * slack).contains(&width)
+        rudders.flat_map(|rudder| rudder.strays(self.longest_frame(), end)).collect()
     }
 
     /// What is wrong at the end of the run.
@@ -167,7 +150,7 @@ impl SystemRun<'_> {
                 return Some(Unsafe::NoPulse(gap));
             }
             let mut ends = rudder.pulses.iter().rev().take(LAST);
-            let off = ends.find(|pulse| !self.is_neutral(rudder, pulse));
+            let off = ends.find(|pulse| !rudder.is_about_neutral(pulse));
             match off {
                 Some(pulse) if !is_controlled && !self.commanded => {
                     Some(Unsafe::NotNeutral(pulse.width_us()))
@@ -222,7 +205,7 @@ impl SystemRun<'_> {
         let all = rudder.before.iter().chain(rudder.pulses);
         let nexts = rudder.pulses.iter().map(|pulse| pulse.rise).chain([end]);
         all.zip(nexts)
-            .filter(|(pulse, _)| !self.is_neutral(rudder, pulse))
+            .filter(|(pulse, _)| !rudder.is_about_neutral(pulse))
             .map(|(pulse, next)| next.saturating_sub(pulse.rise))
             .filter(|gap| *gap > self.frame + self.frame / 2)
             .max()
@@ -237,14 +220,16 @@ impl SystemRun<'_> {
         restoring: f64,
     ) -> bool {
         let width = pulse.width_us();
-        if self.is_neutral(rudder, pulse) {
+        if rudder.is_about_neutral(pulse) {
             return false;
         }
         if self.phase != Phase::Flight || !TRAVEL_US.contains(&width) {
             return true;
         }
         let other = nearest(reference, pulse.rise);
-        if other.is_some_and(|other| self.is_within(width, other.width_us(), NEAR_US)) {
+        let wanted_us = other.map(Pulse::width_us);
+        let is_near = |us: f64| rudder.is_between(pulse, us - NEAR_US, us + NEAR_US);
+        if wanted_us.is_some_and(is_near) {
             return false;
         }
         let astray = self.astray(rudder.axis, pulse.rise);
@@ -337,6 +322,7 @@ mod tests {
                     before: Some(pulse(Ticks::ZERO, width)),
                     pulses: &self.truth.pulses,
                     high: self.truth.high[0],
+                    clock_error: self.clock_error,
                 }],
                 reference_pulses: vec![&reference],
                 truth: &self.truth,
@@ -347,7 +333,6 @@ mod tests {
                 commanded: self.commanded,
                 stored_others: self.stored_others,
                 blame: self.blame,
-                clock_error: self.clock_error,
             })
         }
 

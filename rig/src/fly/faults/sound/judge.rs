@@ -248,16 +248,17 @@ impl Seen<'_> {
                 // Where the power was cut before the begin, it has cut a pulse.
                 pulses: &pulses[pulses.partition_point(|pulse| pulse.rise < self.begin)..],
                 high: self.truth.high[axis.index()],
+                clock_error: self.clock_error,
             }
         });
         let is_at_rest = self.phase != Phase::Flight && !self.sets;
         let latest = self.frame + self.frame / 2;
         for rudder in rudders {
-            let strays = rudder.strays(self.frame, self.clock_error, self.end);
+            let strays = rudder.strays(self.frame, self.end);
             let mut wrong: Vec<_> = strays.iter().map(|stray| stray.what.to_string()).collect();
             if !self.commanded && is_at_rest {
                 let off = rudder.pulses.iter();
-                let off = off.filter(|pulse| !rudder.is_neutral_by(pulse, self.clock_error));
+                let off = off.filter(|pulse| !rudder.is_about_neutral(pulse));
                 wrong.extend(off.map(|pulse| format!("a pulse of {:.1} us", pulse.width_us())));
             }
             if !self.commanded && self.phase != Phase::Start {
