@@ -6,8 +6,8 @@ use rand::{Rng, SeedableRng};
 /// What a sort of input is, in words, and inputs to be given one after the other.
 pub type Sort<T> = (&'static str, Vec<T>);
 
-/// Inputs of each of the `sorts`, then some of all by turns; `numbers` says how many. `change` makes
-/// a hard input of a `plain` one, of which there must be at least one.
+/// Inputs of each of the `sorts`, then some of all by turns; `numbers` says how many. `change`
+/// makes a hard input of a `plain` one, of which there must be at least one.
 pub fn sorts<T: Copy, C: Copy>(
     plain: &[T],
     sorts: &[(&'static str, C)],

@@ -28,7 +28,7 @@
 //! so that the normal force grows with the sine of the angle of attack.
 //!
 //! Left out: the shift of the centre of mass within the rocket as a motion of its own (0.1 m/s at
-//! most), the damping of rates by jet and air, slosh, bending, friction of the rail and its tip-off.
+//! most), the damping of rates by jet and air, slosh and bending, friction and tip-off of the rail.
 //! Left out, too: the earth's curvature and rotation, the decrease of gravity with altitude (2.6 %
 //! at 84 km), and the ground after the rail.
 

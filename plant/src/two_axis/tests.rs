@@ -26,8 +26,8 @@ impl TwoAxisDrone {
         self.set_rates(rates);
     }
 
-    /// Accelerations about the body's axes, rad/s2, with these of the cranks. The push of a tether
-    /// stop is left out.
+    /// Accelerations about the body's axes, rad/s2, with these of the cranks. The tether's push is
+    /// left out.
     fn acceleration_rad_s2(&self, cranks_rad_s2: [f64; 2]) -> [f64; 3] {
         const APART_S: f64 = 1e-5;
         let (speeds, rates) = (self.speeds(), Vector3::from(self.rates_rad_s()));
@@ -56,8 +56,8 @@ impl TwoAxisDrone {
         (self.attitude * self.momentum).into()
     }
 
-    /// Kinetic and potential energy with the cranks at rest, in J; the potential is zero with the
-    /// centre of mass at the pivot's height.
+    /// Kinetic and potential energy with the cranks at rest, J. The potential is zero with the centre
+    /// of mass at the pivot's height.
     fn energy_j(&self) -> (f64, f64) {
         let rates = Vector3::from(self.rates_rad_s());
         let down = self.attitude.inverse() * Vector3::z();
@@ -164,8 +164,8 @@ fn energy_is_kept_without_thrust_and_momentum_without_weight_and_thrust() {
     assert!((after - before).norm() < 1e-8, "{after} {before}");
 }
 
-/// The rates against the momentum of the bodies as mass points, each moved by hand in the earth's
-/// axes: a rod is two points.
+/// The rates against the momentum of mass points, each moved by hand in the earth's axes. A rod is
+/// two points.
 #[test]
 fn the_momentum_is_that_of_the_bodies_as_points_that_move() {
     let one_axis = Parameters::PHYS;
