@@ -56,8 +56,8 @@ impl TwoAxisDrone {
         (self.attitude * self.momentum).into()
     }
 
-    /// Kinetic and potential energy with the cranks at rest, J. The potential is zero with the centre
-    /// of mass at the pivot's height.
+    /// Kinetic and potential energy with the cranks at rest, J. The potential is zero with the
+    /// centre of mass at the pivot's height.
     fn energy_j(&self) -> (f64, f64) {
         let rates = Vector3::from(self.rates_rad_s());
         let down = self.attitude.inverse() * Vector3::z();
