@@ -326,7 +326,8 @@ impl Rig {
     /// # Errors
     /// As of [`Hardware::set`]; or the key is not in [`LIVE_KEYS`].
     pub fn set_hardware(&mut self, setting: &str) -> Result<(), String> {
-        self.hardware.set(setting)?;
+        let mut changed = self.hardware.clone();
+        changed.set(setting)?;
         let name = setting.split('=').next().unwrap_or_default().trim();
         if !LIVE_KEYS.contains(&name) {
             return Err(format!(
@@ -334,6 +335,7 @@ impl Rig {
                 LIVE_KEYS.join(", ")
             ));
         }
+        self.hardware = changed;
         self.environment.set_sensor(&self.hardware);
         Ok(())
     }
@@ -462,6 +464,17 @@ pub(crate) mod tests {
         rig.power_cycle();
         rig.run_for(ms(1)).unwrap();
         assert!(!rig.in_bootloader());
+    }
+
+    /// A later setting that can change would bring the refused address along.
+    #[test]
+    fn a_refused_setting_of_the_hardware_changes_nothing() {
+        let mut rig = Rig::new(&counter(), &RigConfig::default()).unwrap();
+        let before = rig.hardware.clone();
+        assert!(rig.set_hardware("address=0x29").unwrap_err().contains("address is fixed"));
+        assert!(rig.hardware == before);
+        rig.set_hardware("usb-loss=0.25").unwrap();
+        assert_eq!(rig.hardware.usb_loss, 0.25);
     }
 
     #[test]
