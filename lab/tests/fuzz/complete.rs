@@ -71,7 +71,7 @@ fn code(path: &Path) -> String {
     let text = fs::read_to_string(path).unwrap();
     // Those of one system alone are tests, too.
     let begin = |head| text.find(head).unwrap_or(text.len());
-    let tests = begin("#[cfg(test)]\nmod tests").min(begin("#[cfg(all(test"));
+    let tests = begin("#[cfg(test)]\nmod tests").min(begin("#[cfg(test)]\n#[cfg("));
     let lines = text[..tests].lines();
     let code: Vec<_> = lines.filter(|line| !line.trim_start().starts_with("//")).collect();
     code.join("\n")

@@ -64,7 +64,8 @@ fn set_row(vehicle: &mut Vehicle, row: &Parameter) -> Result<()> {
     vehicle.set_parameter(&row.name, row.value)
 }
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 pub mod tests {
     use std::io::{ErrorKind, Read, Write};
     use std::thread::{JoinHandle, spawn};

@@ -132,7 +132,8 @@ fn program(id: u32, process: &Path) -> Program {
     Program { id, name: name.trim().to_owned() }
 }
 
-#[cfg(all(test, target_os = "linux"))]
+#[cfg(test)]
+#[cfg(target_os = "linux")]
 mod tests {
     use super::*;
     use std::process::{Command, Stdio};
