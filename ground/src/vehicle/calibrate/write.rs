@@ -64,8 +64,7 @@ fn set_row(vehicle: &mut Vehicle, row: &Parameter) -> Result<()> {
     vehicle.set_parameter(&row.name, row.value)
 }
 
-#[cfg(test)]
-#[cfg(unix)]
+#[cfg(all(test, unix))]
 pub mod tests {
     use std::io::{ErrorKind, Read, Write};
     use std::thread::{JoinHandle, spawn};

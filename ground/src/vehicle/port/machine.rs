@@ -132,8 +132,7 @@ fn program(id: u32, process: &Path) -> Program {
     Program { id, name: name.trim().to_owned() }
 }
 
-#[cfg(test)]
-#[cfg(target_os = "linux")]
+#[cfg(all(test, target_os = "linux"))]
 mod tests {
     use super::*;
     use std::process::{Command, Stdio};
