@@ -31,8 +31,8 @@ pub struct Sampling {
     tick: NewestTick,
     carried_at: Micros,
     bursts: BurstGauge,
-    /// Bursts that may lie in a time for which the processor stood still, to write its flash: they
-    /// say nothing of the sensor.
+    /// Bursts that say nothing of the sensor: they may lie in a time for which the processor stood
+    /// still, to write its flash, or still have the bus's former speed.
     halted: u8,
     errors: u16,
 }
@@ -109,6 +109,12 @@ impl Sampling {
     /// The processor stands still for its flash.
     pub fn halted(&mut self) {
         self.halted = HALTED_BURSTS;
+    }
+
+    /// The bus gets another speed: what has been measured is that of the one before.
+    pub fn speed_changes(&mut self) {
+        self.bursts = BurstGauge::default();
+        self.halted();
     }
 
     /// How long whole bursts take.
@@ -234,6 +240,8 @@ mod tests {
         assert_eq!(sampling.times(), BurstTimes::default());
         let _ = sampling.over(over(origin, Ok(())), &timing);
         assert_eq!(sampling.times().mean_us, 4_000);
+        sampling.speed_changes();
+        assert_eq!(sampling.times(), BurstTimes::default());
         let _ = sampling.over(over(origin, Err(BusError::Nak)), &timing);
         let _ = sampling.over(over(Origin::Loop, Err(BusError::Stuck)), &timing);
         assert_eq!(sampling.errors(), 2);

@@ -220,6 +220,9 @@ impl application::Board for Board {
         let is_armed = end.state.is_armed();
         flash::hold(is_armed);
         frame::set_neutral(end.neutral, is_armed);
+        if end.timing.i2c_khz != self.frame.timing().i2c_khz {
+            self.sampling.speed_changes();
+        }
         // Where the timer does not take it, the next step tries again.
         let _ = self.frame.retime(end.timing);
         let code = end.state.code();

@@ -45,6 +45,27 @@ fn saved_parameters_outlive_the_power_and_the_pulses_go_on_meanwhile() {
     station.wait_for_state(rig, ms(8000), StateKind::Standby).unwrap();
 }
 
+/// What was measured at one speed of the bus says nothing of another: ticks planned by it would
+/// come too late for their bursts.
+#[test]
+fn a_reload_that_changes_the_speed_of_the_bus_is_no_failsafe() {
+    let mut bench = ready();
+    let Ready { rig, station, .. } = &mut bench;
+    station.set_parameter(rig, "I2C_KHZ", 100.0).unwrap();
+    station.set_parameter(rig, "SRV_RATE_HZ", 200.0).unwrap();
+    station.run(rig, ms(2000)).unwrap();
+    station.order(rig, request::SAVE).unwrap();
+    station.order(rig, request::RESET).unwrap();
+    station.run(rig, ms(2000)).unwrap();
+    let stretch_us = station.received().parameters.get("I2C_STRETCH_US").copied();
+    station.order(rig, request::RELOAD).unwrap();
+    station.run(rig, ms(1000)).unwrap();
+    assert_eq!(station.state(), Some(StateKind::Standby));
+    assert_eq!(station.received().parameters.get("I2C_STRETCH_US").copied(), stretch_us);
+    let texts = &station.received().texts;
+    assert!(!texts.iter().any(|text| text.text.starts_with("failsafe")), "{texts:?}");
+}
+
 /// Clients find the vehicle by the number that its frames have, and it obeys orders to that number.
 #[test]
 fn a_vehicle_has_its_new_number_from_the_next_start_on() {
