@@ -30,11 +30,10 @@ const SELF_CHECK: u32 = 1;
 const HARD_FAULT: u32 = 2;
 const HANG: u32 = 3;
 
-/// Frames of neutral pulses before the reset of a damaged image: a tenth of a second at 50 Hz, less
-/// at 300 Hz, where a servo is fast.
+/// Frames of 50 Hz with neutral pulses before the reset of a damaged image: a tenth of a second.
 const LAST_FRAMES: u32 = 6;
 
-/// Frames in which a slow servo turns through all of its travel: 0.6 s at 50 Hz.
+/// Frames of 50 Hz in which a slow servo turns through all of its travel: 0.6 s.
 const REFUSED_FRAMES: u32 = 30;
 
 /// Half of the time for which neutral pulses go on before a reset, us. The watchdog, which is fed

@@ -18,11 +18,16 @@ const RESET_ORDER: u32 = 0x05FA_0004;
 
 /// Looks at the flag in the longest frame, of at least eight cycles each, and some more.
 const LOOKS: u32 = 130_000;
-/// Turns of a loop of three cycles or more in the longest pulse.
-const PULSE_TURNS: u32 = LONGEST_PULSE_US * 48 / 3;
+/// Turns of a loop of three cycles or more in a microsecond.
+const TURNS_PER_US: u32 = 48 / 3;
+/// The longest frame, us.
+const FRAME_US: u32 = 20_000;
 
-/// Resets the chip between two pulses, after this number of frames of the pulses that the timer
-/// sends.
+/// Resets the chip between two pulses, after the time of this number of frames and one, in which
+/// the timer sends its pulses.
+///
+/// The core counts that time, and only then looks for the end of a frame: where a flipped bit ends
+/// the one too soon, the other has a pulse sent.
 #[inline(never)]
 pub(super) fn reset_behind(frames: u32) -> ! {
     for _ in 0..=frames {
@@ -32,15 +37,19 @@ pub(super) fn reset_behind(frames: u32) -> ! {
             if status & SYNCBUSY == 0 {
                 with_exposed_provenance_mut::<u8>(WATCHDOG_CLEAR).write_volatile(CLEAR_KEY);
             }
-            let flags = with_exposed_provenance_mut::<u32>(FRAME_FLAGS);
-            flags.write_volatile(OVERFLOW);
-            let mut looks = LOOKS;
-            while flags.read_volatile() & OVERFLOW == 0 && looks > 0 {
-                looks -= 1;
-            }
+        }
+        cortex_m::asm::delay(FRAME_US * TURNS_PER_US);
+    }
+    // SAFETY: as above.
+    unsafe {
+        let flags = with_exposed_provenance_mut::<u32>(FRAME_FLAGS);
+        flags.write_volatile(OVERFLOW);
+        let mut looks = LOOKS;
+        while flags.read_volatile() & OVERFLOW == 0 && looks > 0 {
+            looks -= 1;
         }
     }
-    cortex_m::asm::delay(PULSE_TURNS);
+    cortex_m::asm::delay(LONGEST_PULSE_US * TURNS_PER_US);
     // SAFETY: the order to reset.
     unsafe { with_exposed_provenance_mut::<u32>(RESET).write_volatile(RESET_ORDER) };
     loop {
