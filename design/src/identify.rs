@@ -1,16 +1,21 @@
 //! `tvc identify`: thrust, inertia, servo speed and delay from a recorded run.
 
+use std::collections::HashMap;
 use std::fmt::Write;
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::Result;
 use clap::Args;
 use csv::StringRecord;
-use plant::identify::{Identification, IdentifyError, Reading, Record, identify};
+use plant::identify::{
+    Identification, IdentifyError, MOST_MISFIT_RAD, Reading, Record, identify, likeliest,
+};
 use recordings::Lines;
 use rig::ServoKind;
-use tvc_nano::Axis;
+use tvc_nano::ticks::TickPlan;
+use tvc_nano::{Axis, Refresh};
 
 use crate::control_law;
 use flights::arguments::AxisName;
@@ -19,6 +24,7 @@ use report::exit::{BadInput, Verdict};
 use report::file::write_whole;
 use report::kind;
 use report::measure::{Figures, data, figure, rows};
+use report::progress;
 
 /// Options of `tvc identify`.
 #[derive(Debug, Args)]
@@ -31,23 +37,28 @@ The log is of the free drone's motion from the release on, a release or a chirp:
   the columns of `tvc record --csv`      steps of the vehicle: time_us, q_w to q_z,
                                          pitch_rate_rad_s, pulse_us; those in the state active
 
-Standard deviations are of the record's noise, not of what the model leaves out. One that is as
-large as before the record was seen says that the record does not show the quantity.
+Several logs are of one vehicle: together they tell more. A pulse of a telemetry log counts from its
+own rising edge, which follows from the log's parameters; a reading from the sensor's refresh.
+
+Standard deviations follow from what the model leaves of the record. One that is as large as before
+the record was seen says that the record does not show the quantity. Thrust and inertia are seldom
+told apart, their quotient, the pitch gain, is. A misfit of pitch above 5 mrad rms is no right
+model's: the estimates are printed and written, and the command ends with status 1.
 
 Examples:
   tvc identify step.tlog                         estimates with their uncertainty
   tvc identify evening.tlog --release 3          of the third release of a log
   tvc identify both.tlog --axis roll             of the roll axis of a vehicle with two
-  tvc identify release.csv --out drone.toml      and as a parameter file
+  tvc identify a.tlog b.tlog --out drone.toml    of two releases, and as a parameter file
   tvc tune --drone drone.toml                    gains for that drone
 
-Exit status: 0 done, 1 no parameters explain the record, 2 unusable input.")]
+Exit status: 0 done, 1 no parameters explain the records, 2 unusable input.")]
 pub struct Identify {
-    /// The recorded run (.tlog, .mcap, .csv).
-    #[arg(value_name = "LOG")]
-    pub log: PathBuf,
+    /// Recorded runs of one vehicle (.tlog, .mcap, .csv).
+    #[arg(value_name = "LOG", required = true)]
+    pub logs: Vec<PathBuf>,
 
-    /// The release of a telemetry log, counted from 1 [default: the only one].
+    /// The release of each telemetry log, counted from 1 [default: the only one].
     #[arg(long, value_name = "N")]
     pub release: Option<usize>,
 
@@ -78,16 +89,33 @@ pub fn run(options: &Identify) -> Result<Verdict> {
     if let Some(out) = &options.out {
         kind::keep_apart(out, options.drone.as_deref())?;
     }
-    let record = read(&options.log, options.release, options.axis.into())?;
     let nominal = control_law::setup(options.servo, options.drone.as_deref())?;
-    let found = identify(&nominal, &record).map_err(|error| match error {
+    let refuse = |log: &Path, error| match error {
         IdentifyError::NoFit => anyhow::Error::new(error),
-        _ => BadInput::of(&options.log, error).into(),
-    })?;
+        _ => BadInput::of(log, error).into(),
+    };
+    let spinner = progress::spinner("{spinner} {msg}");
+    spinner.enable_steady_tick(Duration::from_millis(200));
+    spinner.set_message("searching for the parameters");
+    let mut records = Vec::new();
+    for log in &options.logs {
+        let ways = read(log, options.release, options.axis.into())?;
+        records.push(likeliest(&nominal, ways).map_err(|error| refuse(log, error))?);
+    }
+    let found = identify(&nominal, &records).map_err(|error| refuse(&options.logs[0], error))?;
+    spinner.finish_and_clear();
     figures(&found).conclude(options.json, None)?;
     if let Some(out) = &options.out {
-        write_whole(out, parameter_file(&found, &options.log).as_bytes())?;
+        write_whole(out, parameter_file(&found, &options.logs).as_bytes())?;
         eprintln!("parameters: {}", out.display());
+    }
+    if !found.explains() {
+        eprintln!(
+            "missed: the model is off by {:.1} mrad rms, and a right one by {:.0} at most: see --drone and --servo",
+            1e3 * found.pitch_rms_rad,
+            1e3 * MOST_MISFIT_RAD
+        );
+        return Ok(Verdict::Missed);
     }
     Ok(Verdict::Met)
 }
@@ -119,11 +147,11 @@ impl Columns {
     }
 }
 
-/// Reads a record, the one of a release in a telemetry log.
+/// Reads a run, the one of a release in a telemetry log: records of it, one of which is right.
 ///
 /// # Errors
 /// [`BadInput`] naming the file and what is wrong with it.
-pub fn read(path: &Path, release: Option<usize>, axis: Axis) -> Result<Record> {
+pub fn read(path: &Path, release: Option<usize>, axis: Axis) -> Result<Vec<Record>> {
     if kind::is_log(path) {
         let flight = Flight::read(path)?;
         let release = flight.release(release).map_err(|error| BadInput::of(path, error))?;
@@ -131,7 +159,7 @@ pub fn read(path: &Path, release: Option<usize>, axis: Axis) -> Result<Record> {
             let why = "the vehicle had one axis in it (AXES 1), which is pitch";
             return Err(BadInput::of(path, why).into());
         }
-        return Ok(of_release(&release, axis));
+        return Ok(of_release(&flight, &release, axis));
     }
     if axis == Axis::Roll {
         return Err(BadInput::of(path, "a table has pitch only").into());
@@ -149,29 +177,56 @@ pub fn read(path: &Path, release: Option<usize>, axis: Axis) -> Result<Record> {
         take(&columns, &row, &mut record)
             .map_err(|error| BadInput::of(path, format!("row {}: {error}", index + 2)))?;
     }
-    Ok(record)
+    Ok(vec![record])
 }
 
-/// The motion of an axis from a release on. The pulses are those of the first servo: for roll, what
-/// they would be there.
-fn of_release(release: &Release<'_>, axis: Axis) -> Record {
+/// The motion of an axis from a release on, once for each tick of a frame that may be the one whose
+/// step the pulse carries. The pulses are those of the first servo: for roll, what they would be
+/// there. A reading has the time at which the sensor refreshed its rates.
+fn of_release(flight: &Flight, release: &Release<'_>, axis: Axis) -> Vec<Record> {
+    let timing = release.params.timing();
+    // A burst reads the rates last.
+    let read_us = u64::from(timing.later_us(true));
+    let mut refresh = Refresh::default();
+    let samples = flight.steps().filter_map(|step| step.sample);
+    let refreshed_us: HashMap<u64, u64> = samples
+        .filter_map(|raw| Some((raw.time.0, refresh.read(raw).rates?.age_us)))
+        .map(|(time_us, age_us)| (time_us, (time_us + read_us).saturating_sub(age_us.into())))
+        .collect();
+
     let [first, own] = [Axis::Pitch, axis].map(|axis| release.params.fitting(axis));
     let turned = f64::from(first.direction * own.direction);
     let as_first = |pulse_us: u16| {
         f64::from(first.centre_us) + turned * (f64::from(pulse_us) - f64::from(own.centre_us))
     };
-    let steps = release.steps.iter().zip(release.motion(axis));
-    let mut record = Record::default();
-    for (step, (_, pitch_rad)) in steps {
-        let time_s = step.time_s();
+    let plan = TickPlan::new(&timing);
+    let tick_us = u64::from(plan.period_us(timing.frame_hz).max(1));
+    let lead_us = u64::from(timing.sample_lead_us());
+    let mut readings = Vec::new();
+    let mut pulses = Vec::new();
+    for (step, (_, pitch_rad)) in release.steps.iter().zip(release.motion(axis)) {
         let (rate_rad_s, pulse_us) = match axis {
             Axis::Pitch => (step.rate_rad_s[1], step.pulses_us[0].into()),
             Axis::Roll => (step.rate_rad_s[0], as_first(step.pulses_us[1])),
         };
-        record.readings.push(Reading { time_s, pitch_rad, rate_rad_s: rate_rad_s.into() });
-        record.pulses.push((time_s, pulse_us));
+        let Some(sample) = step.sample else { continue };
+        let at_us = sample.time.0;
+        if let Some(refreshed_us) = refreshed_us.get(&at_us) {
+            let time_s = *refreshed_us as f64 * 1e-6;
+            readings.push(Reading { time_s, pitch_rad, rate_rad_s: rate_rad_s.into() });
+        }
+        pulses.push((at_us, pulse_us));
     }
-    record
+    let begin_us = pulses.first().map_or(0, |(at_us, _)| *at_us);
+    let per_frame = u64::from(plan.ticks_per_frame);
+    let carried = |phase: u64| {
+        let tick = move |at_us: u64| (at_us - begin_us + tick_us / 2) / tick_us;
+        let own = pulses.iter().filter(move |(at_us, _)| tick(*at_us) % per_frame == phase);
+        own.map(|(at_us, pulse_us)| ((at_us + lead_us) as f64 * 1e-6, *pulse_us)).collect()
+    };
+    (0..per_frame)
+        .map(|phase| Record { readings: readings.clone(), pulses: carried(phase) })
+        .collect()
 }
 
 /// Adds a row to the record. Empty cells are left out.
@@ -211,8 +266,9 @@ fn take(columns: &Columns, row: &StringRecord, record: &mut Record) -> Result<()
 }
 
 /// The whole setup as a parameter file, with the estimates and their deviations as comments.
-fn parameter_file(found: &Identification, log: &Path) -> String {
-    let mut text = format!("# Identified from {}.\n", log.display());
+fn parameter_file(found: &Identification, logs: &[PathBuf]) -> String {
+    let logs: Vec<_> = logs.iter().map(|log| log.display().to_string()).collect();
+    let mut text = format!("# Identified from {}.\n", logs.join(", "));
     for estimate in found.estimates.iter().chain([&found.pitch_gain]) {
         // Writing to a string does not fail.
         let _ = writeln!(
@@ -250,6 +306,11 @@ fn figures(found: &Identification) -> Figures {
         figure("rate_rms_rad_s", found.rate_rms_rad_s)
             .shown("misfit of the rate, rms", "mrad/s", 1)
             .scaled(1e3),
+        figure(
+            "not_told_apart",
+            found.alike.iter().map(|pair| pair.join(" and ")).collect::<Vec<_>>().join("; "),
+        )
+        .shown("not told apart", "", 0),
         figure("iterations", found.iterations).shown("steps of the search", "", 0),
     ])
 }

@@ -1,7 +1,7 @@
 //! Identification recovers a drone from records of the model's own flight, noise added.
 
 use plant::Setup;
-use plant::identify::{Estimate, IdentifyError, Reading, Record, identify};
+use plant::identify::{Estimate, IdentifyError, Reading, Record, identify, likeliest};
 use plant::pitch_loop::{Measurement, Pd, PitchLoop};
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
@@ -59,7 +59,7 @@ fn near(estimate: &Estimate, truth: f64, most: f64) {
 #[test]
 fn a_release_with_a_chirp_gives_the_drone_back() {
     let truth = truth();
-    let found = identify(&Setup::default(), &record(&truth, 0.8, 3.0, 3)).unwrap();
+    let found = identify(&Setup::default(), &[record(&truth, 0.8, 2.5, 3)]).unwrap();
     let [thrust, inertia, speed, delay, horn] = found.estimates[..] else {
         panic!("five estimates, not {:?}", found.estimates);
     };
@@ -74,9 +74,33 @@ fn a_release_with_a_chirp_gives_the_drone_back() {
     let gain = 31.615 * 0.85 * 0.12699 / total;
     near(&found.pitch_gain, gain, 0.01 * gain);
     assert!(found.pitch_gain.deviation / gain < 0.2 * thrust.deviation / thrust.value);
+    assert!(found.explains());
+    assert_eq!(found.alike, [["thrust_n", "body_inertia_kg_m2"]]);
     // The noise that was put in is what is left over.
     assert!((found.pitch_rms_rad - 2e-3).abs() < 2e-4, "{}", found.pitch_rms_rad);
     assert_eq!(Setup::parse(&found.setup.to_toml()).unwrap(), found.setup);
+}
+
+#[test]
+fn two_records_tell_more_than_one() {
+    let truth = truth();
+    let [first, second] =
+        [(0.4, 5), (0.6, 6)].map(|(start, seed)| record(&truth, start, 1.0, seed));
+    let of = |records: &[Record]| identify(&Setup::default(), records).unwrap();
+    let (alone, both) = (of(std::slice::from_ref(&first)), of(&[first, second]));
+    assert!(both.pitch_gain.deviation < alone.pitch_gain.deviation);
+    assert!(both.explains());
+    near(&both.estimates[2], truth.servo.speed_rad_s, 0.03 * truth.servo.speed_rad_s);
+}
+
+#[test]
+fn of_two_timings_of_the_pulses_the_right_one_is_found() {
+    let right = record(&truth(), 0.8, 1.0, 7);
+    let mut wrong = right.clone();
+    wrong.pulses.iter_mut().for_each(|(edge_s, _)| *edge_s -= 13e-3);
+    let ways = vec![wrong.clone(), right.clone()];
+    assert_eq!(likeliest(&Setup::default(), ways).unwrap(), right);
+    assert_eq!(likeliest(&Setup::default(), vec![right.clone(), wrong]).unwrap(), right);
 }
 
 #[test]
@@ -86,7 +110,7 @@ fn records_that_say_nothing_are_refused() {
     let spoil = |f: fn(&mut Record)| {
         let mut record = good.clone();
         f(&mut record);
-        identify(&nominal, &record).unwrap_err()
+        identify(&nominal, &[record]).unwrap_err()
     };
     assert!(matches!(spoil(|r| r.readings.truncate(10)), IdentifyError::TooShort { .. }));
     assert_eq!(spoil(|r| r.readings[7].pitch_rad = f64::NAN), IdentifyError::BadSample(7));

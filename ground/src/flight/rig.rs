@@ -19,6 +19,7 @@ use crate::flight::fly::{faults, start_angle};
 use crate::flight::hardware::HardwareChoice;
 use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
+use design::control_law;
 use report::arguments::{number, seconds};
 use report::exit::{BadInput, Verdict};
 #[cfg(unix)]
@@ -111,6 +112,10 @@ pub struct RigChoice {
     /// Keep here what the vehicle stores, from one run to the next.
     #[arg(long, value_name = "FILE.bin")]
     pub memory: Option<PathBuf>,
+
+    /// Drone and servo, as `tvc identify` writes them (docs/explanation/model.md).
+    #[arg(long, value_name = "FILE.toml")]
+    pub drone: Option<PathBuf>,
 
     /// Lateral offset of the drone's mass, forward, in mm (-30 to 30).
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true, value_parser = offset)]
@@ -225,7 +230,8 @@ impl RigChoice {
             hardware: self.hardware.hardware()?,
             ..::rig::RigConfig::default()
         };
-        config.bench.servo = self.servo.model();
+        let physics = control_law::setup(self.servo, self.drone.as_deref())?;
+        config.bench.servo = physics.servo;
         config.bench.sensor.errors = self.sensor.errors();
         config.bench.start_rad = self.tilt;
         self.vehicle.hang(&mut config)?;
@@ -237,8 +243,7 @@ impl RigChoice {
             }
             VehicleConfig::OneAxis => {}
         }
-        let drone = config.bench.parameters;
-        config.bench.parameters = drone.with_lateral_offset(self.cm_offset * 1e-3);
+        config.bench.parameters = physics.drone.with_lateral_offset(self.cm_offset * 1e-3);
         config.bench.disturbances = self.disturb.over(scenario.disturbances);
         config.bench.faults = scenario.faults;
         let mut rig = ::rig::Rig::new(&self.image.image()?, &config)?;
