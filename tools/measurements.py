@@ -123,7 +123,7 @@ def control_law(scratch):
     shipped.write_text("PID_LAW 2\n")
     rows = []
     for servo, name in SERVOS.items():
-        tuned = tvc("tune", "--servo", servo, "--params", shipped, "--generations", 0)
+        tuned = tvc("tune", "--servo", servo, "--params", shipped, "--generations", 0, "--flights", 0)
         margins = tuned["margins"]
 
         def triple(key, of, form, runs=tuned["runs"]):
@@ -141,7 +141,7 @@ def control_law(scratch):
         ])
     head = ["from 0.2 / 0.4 / 0.8 rad, by the model", "times the limit, mean", "95 %", "overshoot, 95 %",
             "with a sensor at 35 Hz, worst", "gain margin", "delay margin", "peak sensitivity"]
-    text = "## Control law\n`cargo tvc tune --servo SERVO --params FILE --generations 0 --json` with the shipped gains: 50 " \
+    text = "## Control law\n`cargo tvc tune --servo SERVO --params FILE --generations 0 --flights 0 --json` with the shipped gains: 50 " \
            "flights from each tilt, and [margins](../explanation/control.md) measured by flights of the model.\n\n"
     return text + table(head, rows)
 

@@ -22,7 +22,7 @@ const EMBEDDED: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/image.elf"));
 const BUILD_DIGITS: usize = 8;
 
 /// Which image.
-#[derive(Clone, Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct ImageOption {
     /// The image [default: built from the sources here, else the one in tvc].
     #[arg(long, value_name = "FILE.elf")]

@@ -31,6 +31,7 @@ use clap::error::ErrorKind;
 
 use cli::{Cli, Command};
 use config::Config;
+use image::ImageOption;
 use report::exit::{BadInput, Verdict};
 
 /// `tvc`: carries out the command line of this process.
@@ -73,7 +74,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Flash(options) => vehicle::flash::run(&options),
         Command::Model(options) => design::model::run(&options),
         Command::Identify(options) => design::identify::run(&options),
-        Command::Tune(options) => design::tune::run(&options),
+        Command::Tune(options) => design::tune::run(&options, || ImageOption::default().image()),
         Command::MonteCarlo(options) => design::montecarlo::run(&options),
         Command::Rig(options) => flight::rig::run(&options),
         Command::Info(options) => vehicle::info::run(&options),

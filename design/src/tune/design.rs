@@ -15,9 +15,11 @@ use tvc_nano::Params;
 use tvc_nano::params::Range;
 
 use super::margins::{self, Margins};
+use super::{MODEL, flown};
 use crate::control_law::Law;
 use report::distribution::Distribution;
 use report::measure::{Figure, Limit::AtMost, figure};
+use rig::{Image, ServoKind};
 
 /// Parameters that are searched, by the firmware's names: those of the surface law, and the servo
 /// as it is best taken to be.
@@ -38,11 +40,11 @@ pub const NAMES: [&str; 11] = [
 pub type Gains = [f64; NAMES.len()];
 
 /// Starts that are flown, rad, with [`START_RATE_RAD_S`] away from upright.
-const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];
+pub const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];
 /// Pitch rate at the start, rad/s.
-const START_RATE_RAD_S: f64 = 0.2;
+pub const START_RATE_RAD_S: f64 = 0.2;
 /// Settling band, share of the start.
-const BAND: f64 = 0.05;
+pub const BAND: f64 = 0.05;
 /// Length of a flight, s; what has not settled by then counts as settling at [`UNSETTLED_S`].
 const FLIGHT_S: f64 = 1.2;
 /// See [`FLIGHT_S`].
@@ -103,10 +105,10 @@ impl Run {
         Distribution::of(self.overshoots_pct.iter().copied().map(Some))
     }
 
-    /// The figures, held to what is required.
-    pub fn figures(&self, required: &Requirements) -> [Figure; 4] {
+    /// The figures, held to what is required; `from` says what the start is.
+    pub fn figures(&self, from: &'static str, required: &Requirements) -> [Figure; 4] {
         [
-            figure("start_rad", self.start_rad).shown("start", "rad", 1),
+            figure("start_rad", self.start_rad).shown(from, "rad", 1),
             figure("limit_s", self.limit_s).shown("time-optimal limit", "s", 3),
             self.ratio().figure(
                 "ratio",
@@ -121,10 +123,15 @@ impl Run {
         ]
     }
 
+    /// Whether all that is required holds.
+    pub fn is_met(&self, required: &Requirements) -> bool {
+        self.ratio().p95 <= required.ratio && self.overshoot_pct().p95 <= required.overshoot_pct
+    }
+
     /// What the search minimises of them: most flights and nearly the worst within the limit, and
     /// overshoot that comes near to what is allowed. The first half of it counts for the worst
     /// start alone.
-    fn cost(&self, required: &Requirements) -> (f64, f64) {
+    pub fn cost(&self, required: &Requirements) -> (f64, f64) {
         let unsettled = UNSETTLED_S / self.limit_s;
         let ratio = Distribution::of(
             self.settling_s.iter().map(|s| Some(s.map_or(unsettled, |s| s / self.limit_s))),
@@ -257,6 +264,32 @@ impl Problem {
                 Ok(Run { start_rad, limit_s, overshoots_pct, settling_s })
             })
             .collect()
+    }
+
+    /// The same of flights by the image.
+    ///
+    /// # Errors
+    /// Those of [`flown::fly`].
+    pub fn flown(
+        &self,
+        image: &Image,
+        servo: ServoKind,
+        params: &Params,
+        seeds: u32,
+    ) -> Result<Vec<Run>> {
+        let named = NAMES.iter().chain(&MODEL).filter_map(|name| {
+            let value = params.value(name)?;
+            Some(((*name).to_owned(), value))
+        });
+        let gains: Vec<(String, f32)> = named.collect();
+        let flights = flown::fly(image, (&self.setup, servo), &gains, seeds)?;
+        let starts = STARTS_RAD.into_iter().zip(self.limits_s).zip(flights);
+        Ok(starts
+            .map(|((start_rad, limit_s), flights)| {
+                let (overshoots_pct, settling_s) = flights.into_iter().unzip();
+                Run { start_rad, limit_s, overshoots_pct, settling_s }
+            })
+            .collect())
     }
 
     /// Overshoot (percent) and settling time (s) of one flight of a grid.

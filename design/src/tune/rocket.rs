@@ -28,7 +28,7 @@ pub fn run(options: &Tune) -> Result<Verdict> {
     let bar = progress::bar(evaluations, search::BAR);
     let mut found = Vec::new();
     for airframe in Airframe::ALL {
-        let told = |least: f64| {
+        let told = |_: &[f64; 3], least: f64| {
             bar.set_message(format!("{:.3} deg", least.to_degrees()));
             bar.inc(1);
         };

@@ -25,13 +25,13 @@ const PARENTS: usize = CANDIDATES / 2;
 const SPREAD: f64 = 0.2;
 
 /// The point of least cost found, with its cost. Variables are positive and searched by their
-/// logarithms; `told` is called with the least cost after every generation.
+/// logarithms; `told` is called with the best so far after every generation.
 pub fn minimise<const N: usize>(
     start: [f64; N],
     generations: u32,
     seed: u64,
     cost: impl Fn(&[f64; N]) -> f64 + Sync,
-    mut told: impl FnMut(f64),
+    mut told: impl FnMut(&[f64; N], f64),
 ) -> ([f64; N], f64) {
     let point = |x: &DVector<f64>| std::array::from_fn(|i| x[i].exp());
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -53,7 +53,7 @@ pub fn minimise<const N: usize>(
         }
         let steps: Vec<&DVector<f64>> = tried.iter().map(|(_, step)| step).take(PARENTS).collect();
         strategy.learn(&steps);
-        told(best.1);
+        told(&best.0, best.1);
     }
     best
 }
@@ -161,9 +161,9 @@ mod tests {
             let off = |x: f64, at: f64| (10.0 * (x / at).ln()).abs().floor();
             off(x[0], 2.0) + off(x[1], 0.3) + off(x[2], 5.0)
         };
-        let (x, least) = minimise([1.0, 0.5, 4.0], 60, 1, cost, |_| ());
+        let (x, least) = minimise([1.0, 0.5, 4.0], 60, 1, cost, |_, _| ());
         assert!(least <= 1.0, "{x:?} {least}");
-        assert_eq!(minimise([1.0, 0.5, 4.0], 60, 1, cost, |_| ()), (x, least));
+        assert_eq!(minimise([1.0, 0.5, 4.0], 60, 1, cost, |_, _| ()), (x, least));
     }
 
     /// A valley a thousand times as long as wide, along no axis.
@@ -175,7 +175,7 @@ mod tests {
             let across = [y[0] - y[1], y[1] - y[2], y[2] - y[3]];
             along.powi(2) + 1e6 * across.iter().map(|d| d * d).sum::<f64>()
         };
-        let (x, least) = minimise([1.0, 1.5, 0.7, 1.2], 300, 1, cost, |_| ());
+        let (x, least) = minimise([1.0, 1.5, 0.7, 1.2], 300, 1, cost, |_, _| ());
         assert!(least < 1e-3, "{x:?} {least}");
         assert!(x.iter().all(|x| (x.ln() - 0.5).abs() < 0.05), "{x:?}");
     }
