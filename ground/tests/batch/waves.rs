@@ -29,7 +29,8 @@ fn sigrok_finds_each_burst_of_a_flight_and_no_error() {
     assert!((850..1_000).contains(&begun), "{begun} transactions");
     // The record may end within a transaction.
     assert!(begun - ended <= 1, "{begun} begin, {ended} end");
-    assert_eq!(count("Address write: 28"), count(": Start repeat"), "no other sensor is asked");
+    let asked = count("Address write: 28") - count(": Start repeat");
+    assert!(asked <= 1, "no other sensor is asked");
     // The master refuses the last byte of a read, nobody anything else.
     assert!(count(": NACK").abs_diff(ended) <= 1, "{} refusals", count(": NACK"));
 }
