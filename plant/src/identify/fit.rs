@@ -21,8 +21,8 @@ const ITERATIONS: usize = 60;
 /// Weight of a large residual is cut beyond this many standard deviations: quantisation, play and
 /// a lost sample are not Gaussian.
 const HUBER: f64 = 3.0;
-/// By how much more than noise the estimates are off, for what the model lacks: with it, 95 % of the
-/// true values of vehicles on the rig lie within two deviations.
+/// By how much more than noise the estimates are off, for what the model lacks: with it, nine of
+/// ten true values of vehicles on the rig lie within two deviations.
 const MODEL: f64 = 2.0;
 /// Residuals that correlate by less than this are independent.
 const INDEPENDENT: f64 = 0.05;
