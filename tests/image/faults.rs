@@ -403,7 +403,7 @@ fn refuses_to_start(mut flight: Ready, place: u32, bit: u8) {
     assert!(rig.in_bootloader());
     // Long enough for the servo to get there.
     let pulses = rig.truth().pulses_since(at);
-    assert!((28..32).contains(&pulses.len()), "{}", pulses.len());
+    assert!((30..34).contains(&pulses.len()), "{}", pulses.len());
     let neutral = default_neutral_us();
     assert!(pulses.iter().all(|pulse| neutral.contains(&pulse.width_us())));
     assert!(rig.environment().vehicle().rudders_rad()[0].abs() < 0.02);
