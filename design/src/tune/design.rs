@@ -11,15 +11,15 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
+use rig::{Image, ServoKind};
 use tvc_nano::Params;
 use tvc_nano::params::Range;
 
 use super::margins::{self, Margins};
-use super::{MODEL, flown};
+use super::{flown, named};
 use crate::control_law::Law;
 use report::distribution::Distribution;
 use report::measure::{Figure, Limit::AtMost, figure};
-use rig::{Image, ServoKind};
 
 /// Parameters that are searched, by the firmware's names: those of the surface law, and the servo
 /// as it is best taken to be.
@@ -277,11 +277,8 @@ impl Problem {
         params: &Params,
         seeds: u32,
     ) -> Result<Vec<Run>> {
-        let named = NAMES.iter().chain(&MODEL).filter_map(|name| {
-            let value = params.value(name)?;
-            Some(((*name).to_owned(), value))
-        });
-        let gains: Vec<(String, f32)> = named.collect();
+        let gains: Vec<(String, f32)> =
+            named(params).into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         let flights = flown::fly(image, (&self.setup, servo), &gains, seeds)?;
         let starts = STARTS_RAD.into_iter().zip(self.limits_s).zip(flights);
         Ok(starts
