@@ -155,6 +155,7 @@ pub fn likeliest(nominal: &Setup, records: Vec<Record>) -> Result<Record, Identi
     }
     let costs = records.par_iter().map(|record| {
         let fit = Fit::new(nominal, std::slice::from_ref(record))?;
+        // The beginning twice: searched once, one vehicle of 16 got the wrong record.
         Ok(search(&fit.of_beginning())?.cost)
     });
     let costs = costs.collect::<Result<Vec<f64>, IdentifyError>>()?;
