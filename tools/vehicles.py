@@ -50,7 +50,7 @@ def identified(folder, servo, truth, seed):
         f"body_inertia_kg_m2 = {truth['body_inertia_kg_m2']}\n"
         f"[servo]\nspeed_rad_s = {truth['speed_rad_s']}\n"
     )
-    rig = f"--rig=--servo {servo} --seed {seed} --drone true.toml --memory nano.bin"
+    rig = f"--rig=--servo {servo} --seed {seed} --vehicle true.toml --memory nano.bin"
     tvc(folder, "param", "set", "SRV_RATE_HZ", str(SERVOS[servo]), rig)
     tvc(folder, "param", "save", rig)
     tvc(folder, "test", "step", rig, "--log", "step.tlog")
@@ -63,9 +63,9 @@ def identified(folder, servo, truth, seed):
 
 def tuned(folder, servo):
     """Tunes for the vehicle that was found and flies the true one: whether both are met."""
-    gains = ["tune", "--servo", servo, "--drone", "found.toml", "--out", "gains.param", "--json"]
+    gains = ["tune", "--servo", servo, "--vehicle", "found.toml", "--out", "gains.param", "--json"]
     met = tvc(folder, *gains)[0] == 0
-    fly = ["fly", "--servo", servo, "--drone", "true.toml", "--params", "gains.param"]
+    fly = ["fly", "--servo", servo, "--vehicle", "true.toml", "--params", "gains.param"]
     return met, tvc(folder, *fly, "--seeds", "24", "--json")[0] == 0
 
 

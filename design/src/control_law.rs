@@ -3,14 +3,13 @@
 use std::path::Path;
 
 use anyhow::Result;
+use plant::Parameters;
 use plant::pitch_loop::{COMMAND_LIMIT_RAD, Measurement, Timing};
-use plant::{Parameters, ServoModel, Setup};
 use tvc_nano::controller::Sample;
 use tvc_nano::{Axis, Controller, LawState, Micros, Params, RawSample, Refresh};
 
 use flights::param_file;
 use report::exit::BadInput;
-use report::input;
 use rig::ServoKind;
 
 /// The image's controller with the linkage of a drone.
@@ -110,21 +109,6 @@ pub fn parameters(servo: ServoKind, gains: Option<&Path>) -> Result<Params> {
             .map_err(|error| BadInput::new(format!("{}: {error}", row.name)))?;
     }
     Ok(params)
-}
-
-/// The drone with a servo and the firmware's timing, changed by what a parameter file says.
-///
-/// # Errors
-/// A file that cannot be used.
-pub fn setup(servo: ServoKind, file: Option<&Path>) -> Result<Setup> {
-    let (servo, timing) = match servo {
-        ServoKind::S3003 => (ServoModel::S3003, Timing::NANO_50HZ),
-        ServoKind::Digital => (ServoModel::DIGITAL, Timing::NANO_300HZ),
-    };
-    let base = Setup { drone: Parameters::PHYS, servo, timing };
-    let Some(path) = file else { return Ok(base) };
-    let setup = Setup::parse_over(&input::file_text(path)?, &base);
-    Ok(setup.map_err(|error| BadInput::of(path, error))?)
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ use rig::ServoKind;
 use tvc_nano::ticks::TickPlan;
 use tvc_nano::{Axis, Refresh};
 
-use crate::control_law;
+use crate::vehicle::VehicleChoice;
 use flights::arguments::AxisName;
 use flights::log::{Flight, Release};
 use report::exit::{BadInput, Verdict};
@@ -49,8 +49,8 @@ Examples:
   tvc identify step.tlog                         estimates with their uncertainty
   tvc identify evening.tlog --release 3          of the third release of a log
   tvc identify both.tlog --axis roll             of the roll axis of a vehicle with two
-  tvc identify a.tlog b.tlog --out drone.toml    of two releases, and as a parameter file
-  tvc tune --drone drone.toml                    gains for that drone
+  tvc identify a.tlog b.tlog --out drone.toml    of two releases, and as a vehicle's file
+  tvc tune --vehicle drone.toml                  gains for that drone
 
 Exit status: 0 done, 1 no parameters explain the records, 2 unusable input.")]
 pub struct Identify {
@@ -70,12 +70,11 @@ pub struct Identify {
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
     pub servo: ServoKind,
 
-    /// Nominal drone, servo and timing where they differ from the servo's preset
-    /// (docs/explanation/model.md).
-    #[arg(long, value_name = "FILE.toml")]
-    pub drone: Option<PathBuf>,
+    /// The nominal drone: drone, or a file (docs/guides/vehicles.md).
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "drone")]
+    pub vehicle: VehicleChoice,
 
-    /// Where to write the estimates, as a parameter file.
+    /// Where to write the drone with the estimates, as a vehicle's file.
     #[arg(long, value_name = "FILE.toml", value_parser = kind::toml)]
     pub out: Option<PathBuf>,
 
@@ -87,9 +86,9 @@ pub struct Identify {
 /// Identifies as `options` say, prints the estimates and writes them.
 pub fn run(options: &Identify) -> Result<Verdict> {
     if let Some(out) = &options.out {
-        kind::keep_apart(out, options.drone.as_deref())?;
+        kind::keep_apart(out, options.vehicle.file())?;
     }
-    let nominal = control_law::setup(options.servo, options.drone.as_deref())?;
+    let nominal = options.vehicle.drone(options.servo)?;
     let refuse = |log: &Path, error| match error {
         IdentifyError::NoFit => anyhow::Error::new(error),
         _ => BadInput::of(log, error).into(),
@@ -111,7 +110,7 @@ pub fn run(options: &Identify) -> Result<Verdict> {
     }
     if !found.explains() {
         eprintln!(
-            "missed: the model is off by {:.1} mrad rms, and a right one by {:.0} at most: see --drone and --servo",
+            "missed: the model is off by {:.1} mrad rms, and a right one by {:.0} at most: see --vehicle and --servo",
             1e3 * found.pitch_rms_rad,
             1e3 * MOST_MISFIT_RAD
         );
@@ -265,7 +264,7 @@ fn take(columns: &Columns, row: &StringRecord, record: &mut Record) -> Result<()
     Ok(())
 }
 
-/// The whole setup as a parameter file, with the estimates and their deviations as comments.
+/// The whole setup as a vehicle's file, with the estimates and their deviations as comments.
 fn parameter_file(found: &Identification, logs: &[PathBuf]) -> String {
     let logs: Vec<_> = logs.iter().map(|log| log.display().to_string()).collect();
     let mut text = format!("# Identified from {}.\n", logs.join(", "));

@@ -16,3 +16,4 @@ pub mod identify;
 pub mod model;
 pub mod montecarlo;
 pub mod tune;
+pub mod vehicle;

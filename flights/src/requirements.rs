@@ -15,10 +15,6 @@ pub const DISPERSED_WITHIN_PCT: Limit = AtLeast(99.0);
 pub const ASCENT_ERROR_MOST_DEG: f64 = 2.0;
 /// The same as a requirement.
 pub const ASCENT_ERROR_RMS_DEG: Limit = AtMost(ASCENT_ERROR_MOST_DEG);
-/// Largest angle of its gimbal, deg.
-pub const GIMBAL_LIMIT_DEG: f64 = 5.0;
-/// The same as a requirement, with what rounding may add.
-pub const GIMBAL_DEG: Limit = AtMost(GIMBAL_LIMIT_DEG + 1e-6);
 /// The firmware is in control until the end.
 pub const IN_CONTROL: Limit = Set;
 /// Control rate, Hz.

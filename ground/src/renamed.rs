@@ -28,14 +28,21 @@ const COMMANDS: [(&[&str], &[&str]); 5] = [
 
 /// Options that have another name: the command, the old and the new one, and the end of the values
 /// that are meant where the old name has another meaning now.
-const OPTIONS: [(&[&str], &str, &str, &str); 7] = [
+const OPTIONS: [(&[&str], &str, &str, &str); 14] = [
     (&["fly"], "--replay", "--recording", ""),
-    (&["montecarlo"], "--params", "--drone", ".toml"),
+    (&["montecarlo"], "--params", "--vehicle", ".toml"),
     (&["montecarlo"], "--gains", "--params", ""),
-    (&["tune"], "--params", "--drone", ".toml"),
+    (&["tune"], "--params", "--vehicle", ".toml"),
     (&["tune"], "--from", "--params", ""),
-    (&["identify"], "--params", "--drone", ""),
-    (&["model", "linear"], "--params", "--drone", ""),
+    (&["identify"], "--params", "--vehicle", ""),
+    (&["model", "linear"], "--params", "--vehicle", ""),
+    (&["fly"], "--drone", "--vehicle", ""),
+    (&["rig"], "--drone", "--vehicle", ""),
+    (&["montecarlo"], "--drone", "--vehicle", ""),
+    (&["tune"], "--drone", "--vehicle", ""),
+    (&["identify"], "--drone", "--vehicle", ""),
+    (&["model", "linear"], "--drone", "--vehicle", ""),
+    (&["model", "what-if"], "--drone", "--vehicle", ""),
 ];
 
 /// Where a command went that `tvc` does not know.
@@ -110,15 +117,16 @@ mod tests {
             ("fly --params a.param", "fly --params a.param"),
             (
                 "montecarlo --params heavy.toml --gains my.param",
-                "montecarlo --drone heavy.toml --params my.param",
+                "montecarlo --vehicle heavy.toml --params my.param",
             ),
             ("montecarlo --params my.param", "montecarlo --params my.param"),
             (
                 "tune --params=heavy.toml --from=my.param",
-                "tune --drone=heavy.toml --params=my.param",
+                "tune --vehicle=heavy.toml --params=my.param",
             ),
-            ("identify run.csv --params p.toml", "identify run.csv --drone p.toml"),
-            ("model linear --params p.toml", "model linear --drone p.toml"),
+            ("identify run.csv --params p.toml", "identify run.csv --vehicle p.toml"),
+            ("model linear --params p.toml", "model linear --vehicle p.toml"),
+            ("fly --drone p.toml", "fly --vehicle p.toml"),
         ] {
             assert_eq!(line(old), new);
             let words = ["tvc"].into_iter().chain(new.split(' '));

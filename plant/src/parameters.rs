@@ -231,7 +231,7 @@ pub(crate) fn by_name<T: Copy>(presets: &[(&str, T)], name: &str) -> Option<T> {
 }
 
 /// A parameter's name and value, for a check.
-type Named = (&'static str, f64);
+pub type Named = (&'static str, f64);
 
 /// Fields of a value, or variables, each with its name, for a check.
 macro_rules! named {
@@ -258,7 +258,10 @@ pub(crate) fn finite(values: &[Named]) -> Result<(), ParameterError> {
 }
 
 /// Refuses the first value that is not `good`; `must` says in words what is.
-pub(crate) fn check(
+///
+/// # Errors
+/// [`ParameterError::OutOfRange`].
+pub fn check(
     values: &[Named],
     must: &'static str,
     good: impl Fn(f64) -> bool,

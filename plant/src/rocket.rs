@@ -14,6 +14,11 @@
 //! of 353 s, too much for oxygen and ethanol (at 250 s the burn would last 64 s). A vertical run on
 //! them ends at 2.5 km/s and 84 km, where 1 km/s and 50 km are stated. They are used as stated.
 
+mod motor;
+
+use serde::{Deserialize, Serialize};
+
+pub use self::motor::{Motor, MotorError, ThrustCurve};
 use crate::parameters::{ParameterError, finite, named, positive};
 
 /// Density of air at sea level, in kg/m3.
@@ -22,12 +27,19 @@ const SEA_LEVEL_KG_M3: f64 = 1.225;
 pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 /// Step of the ascent, in s.
 const ASCENT_STEP_S: f64 = 0.01;
+/// The gimbal's effect counts at least as with so much of the mean thrust: at both ends of a thrust
+/// curve, gains that follow from it would have no bound.
+const LEAST_THRUST: f64 = 0.4;
 
 /// The rocket's figures.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct RocketParameters {
-    /// Thrust, in N.
+    /// Thrust, in N: its mean where it has a curve.
     pub thrust_n: f64,
+    /// How the thrust changes over the burn; constant without.
+    #[serde(skip)]
+    pub curve: Option<ThrustCurve>,
     /// Mass at burn-out, in kg.
     pub dry_mass_kg: f64,
     /// Propellant, in kg.
@@ -65,6 +77,7 @@ impl RocketParameters {
     /// atmosphere and drag give its stated Mach 1 near 20 s and 57 kPa at 32 s.
     pub const SPICA: Self = Self {
         thrust_n: 100e3,
+        curve: None,
         dry_mass_kg: 1400.0,
         propellant_kg: 2600.0,
         burn_s: 90.0,
@@ -97,9 +110,18 @@ impl RocketParameters {
         finite(&named!(self; column_base_m, normal_force_slope, static_margin, drag))
     }
 
+    /// Thrust at a time of the burn (s), in N, and the share of the propellant that has burnt.
+    pub(crate) fn burn_at(&self, time_s: f64) -> (f64, f64) {
+        let share = time_s / self.burn_s;
+        self.curve.map_or((self.thrust_n, share), |curve| {
+            let (thrust, burnt) = curve.at(share);
+            (self.thrust_n * thrust, burnt)
+        })
+    }
+
     /// Mass and inertia at a time since ignition (s), held within the burn.
     pub fn mass_at(&self, time_s: f64) -> MassProperties {
-        let left = 1.0 - time_s.clamp(0.0, self.burn_s) / self.burn_s;
+        let left = 1.0 - self.burn_at(time_s.clamp(0.0, self.burn_s)).1;
         let propellant = self.propellant_kg * left;
         let column = self.column_m * left;
         let column_cm = self.column_base_m + 0.5 * column;
@@ -143,7 +165,8 @@ pub struct MassProperties {
 pub struct Flight {
     /// Mass and inertia.
     pub mass: MassProperties,
-    /// Angular acceleration for each radian of gimbal, in 1/s2.
+    /// Angular acceleration for each radian of gimbal, in 1/s2, with 0.4 of the mean thrust at
+    /// least.
     pub mu_c: f64,
     /// Restoring angular acceleration for each radian of angle of attack, in 1/s2.
     pub mu_a: f64,
@@ -200,9 +223,10 @@ impl Rocket {
         for i in 0..steps {
             let now = i as f64 * ASCENT_STEP_S;
             let slope = |t: f64, &[speed, altitude]: &[f64; 2]| {
-                let mass = p.dry_mass_kg + p.propellant_kg * (1.0 - t / p.burn_s);
+                let (thrust, burnt) = p.burn_at(t);
+                let mass = p.dry_mass_kg + p.propellant_kg * (1.0 - burnt);
                 let drag = pressure(p, speed, altitude) * area * p.drag;
-                [(p.thrust_n - drag) / mass - GRAVITY_M_S2, speed]
+                [(thrust - drag) / mass - GRAVITY_M_S2, speed]
             };
             state = crate::integrate::rk4_step(slope, now, &state, ASCENT_STEP_S);
             ascent.push(state);
@@ -215,6 +239,7 @@ impl Rocket {
         let p = &self.parameters;
         let time_s = time_s.clamp(0.0, p.burn_s);
         let mass = p.mass_at(time_s);
+        let thrust_n = p.burn_at(time_s).0.max(LEAST_THRUST * p.thrust_n);
         let place = time_s / ASCENT_STEP_S;
         let before = (place as usize).min(self.ascent.len() - 2);
         let part = place - before as f64;
@@ -228,7 +253,7 @@ impl Rocket {
         let lever = p.static_margin * p.diameter_m;
         Flight {
             mass,
-            mu_c: p.thrust_n * mass.cm_m / mass.inertia_kg_m2,
+            mu_c: thrust_n * mass.cm_m / mass.inertia_kg_m2,
             mu_a: pressure_pa * area * p.normal_force_slope * lever / mass.inertia_kg_m2,
             pressure_pa,
             speed_m_s,

@@ -37,14 +37,16 @@ pub struct Setup {
     pub timing: Timing,
 }
 
-/// Why a parameter file is refused.
+/// Why a vehicle's file is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SetupError {
     /// Not TOML.
-    #[error("not a parameter file: {0}")]
+    #[error("not TOML: {0}")]
     Syntax(String),
-    /// A table that a parameter file does not have.
-    #[error("unknown table [{0}]: a parameter file has [drone], [servo] and [timing]")]
+    /// A table that a vehicle's file does not have.
+    #[error(
+        "unknown table [{0}]: a vehicle's file has [drone], [servo], [timing] and [two_axes], or [rocket], [mounting] and [conditions]"
+    )]
     UnknownTable(String),
     /// A key or preset that does not exist, or a value of the wrong type or out of range.
     #[error("[{table}] {message}")]
@@ -64,22 +66,14 @@ impl Default for Setup {
 }
 
 impl Setup {
-    /// Reads a parameter file.
+    /// Reads a vehicle's file of these tables alone.
     ///
     /// # Errors
     /// See [`SetupError`].
     pub fn parse(text: &str) -> Result<Self, SetupError> {
-        Self::parse_over(text, &Self::default())
-    }
-
-    /// Reads a parameter file; what it leaves out is as in `base`.
-    ///
-    /// # Errors
-    /// See [`SetupError`].
-    pub fn parse_over(text: &str, base: &Self) -> Result<Self, SetupError> {
         let mut file: Table =
             text.parse().map_err(|error: toml::de::Error| SetupError::Syntax(error.to_string()))?;
-        let setup = Self::take(&mut file, base)?;
+        let setup = Self::take(&mut file, &Self::default())?;
         match file.keys().next() {
             Some(name) => Err(SetupError::UnknownTable(name.clone())),
             None => Ok(setup),
@@ -87,11 +81,14 @@ impl Setup {
     }
 
     /// Takes the tables of a setup out of a larger file; what it leaves out is as in `base`.
-    pub(crate) fn take(file: &mut Table, base: &Self) -> Result<Self, SetupError> {
+    ///
+    /// # Errors
+    /// See [`SetupError`].
+    pub fn take(file: &mut Table, base: &Self) -> Result<Self, SetupError> {
         let setup = Self {
-            drone: section(file, "drone", base.drone, &Parameters::PRESETS)?,
-            servo: section(file, "servo", base.servo, &ServoModel::PRESETS)?,
-            timing: section(file, "timing", base.timing, &Timing::PRESETS)?,
+            drone: section(file, "drone", Some(base.drone), &Parameters::PRESETS)?,
+            servo: section(file, "servo", Some(base.servo), &ServoModel::PRESETS)?,
+            timing: section(file, "timing", Some(base.timing), &Timing::PRESETS)?,
         };
         setup.validate()?;
         Ok(setup)
@@ -116,28 +113,37 @@ impl Setup {
     }
 }
 
-/// Takes one table out of a file: its preset, overridden by its other keys.
-fn section<T: Copy + Serialize + DeserializeOwned>(
+/// Takes one table out of a file: its preset, or else `base`, overridden by its other keys. Without
+/// either every key must be there.
+///
+/// # Errors
+/// [`SetupError::Key`]: no preset of this name, a key that is unknown or missing, a value of a
+/// wrong kind.
+pub fn section<T: Copy + Serialize + DeserializeOwned>(
     file: &mut Table,
     table: &'static str,
-    default: T,
+    mut base: Option<T>,
     presets: &[(&str, T)],
 ) -> Result<T, SetupError> {
     let refuse = |message: String| SetupError::Key { table, message };
-    let mut overrides = match file.remove(table) {
-        None => return Ok(default),
-        Some(Value::Table(overrides)) => overrides,
-        Some(_) => return Err(refuse("must be a table".into())),
+    let mut overrides = match (file.remove(table), base) {
+        (None, Some(base)) => return Ok(base),
+        (None, None) => return Err(refuse("is missing".into())),
+        (Some(Value::Table(overrides)), _) => overrides,
+        (Some(_), _) => return Err(refuse("must be a table".into())),
     };
-    let base = match overrides.remove("preset") {
-        None => default,
-        Some(Value::String(name)) => by_name(presets, &name).ok_or_else(|| {
-            let known: Vec<&str> = presets.iter().map(|preset| preset.0).collect();
-            refuse(format!("preset {name} does not exist: {}", known.join(", ")))
-        })?,
+    match overrides.remove("preset") {
+        None => {}
+        Some(Value::String(name)) => {
+            base = Some(by_name(presets, &name).ok_or_else(|| {
+                let known: Vec<&str> = presets.iter().map(|preset| preset.0).collect();
+                refuse(format!("preset {name} does not exist: {}", known.join(", ")))
+            })?);
+        }
         Some(_) => return Err(refuse("preset must be a name".into())),
-    };
-    let mut merged = Table::try_from(base).map_err(|error| refuse(error.to_string()))?;
+    }
+    let merged = base.map_or(Ok(Table::new()), Table::try_from);
+    let mut merged = merged.map_err(|error| refuse(error.to_string()))?;
     for (key, value) in overrides {
         let value = in_si(&key, value).map_err(refuse)?;
         merged.insert(key, value);
@@ -190,7 +196,7 @@ fn quantity(text: &str, units: &[(&str, f64)]) -> Result<f64, String> {
 fn units(key: &str) -> Option<&'static [(&'static str, f64)]> {
     const DEG: f64 = std::f64::consts::PI / 180.0;
     /// Endings; a longer one stands before the shorter ones that it ends in.
-    const ENDINGS: [(&str, &[(&str, f64)]); 13] = [
+    const ENDINGS: [(&str, &[(&str, f64)]); 14] = [
         ("_kg_m2", &[("kg m2", 1.0), ("kg cm2", 1e-4), ("g cm2", 1e-7)]),
         ("_kg", &[("kg", 1.0), ("g", 1e-3)]),
         ("_n_m_per_v", &[("N m/V", 1.0), ("mN m/V", 1e-3)]),
@@ -198,6 +204,7 @@ fn units(key: &str) -> Option<&'static [(&'static str, f64)]> {
         ("_n_m", &[("N m", 1.0), ("mN m", 1e-3), ("kgf cm", 0.0980665)]),
         ("_n", &[("N", 1.0), ("mN", 1e-3), ("kgf", 9.80665)]),
         ("_m_s2", &[("m/s2", 1.0)]),
+        ("_m_s", &[("m/s", 1.0), ("km/h", 1.0 / 3.6)]),
         ("_m", &[("m", 1.0), ("mm", 1e-3), ("cm", 1e-2)]),
         ("_us_per_rad", &[("us/rad", 1.0), ("us/deg", 1.0 / DEG)]),
         ("_us", &[("us", 1.0), ("ms", 1e3)]),
@@ -287,7 +294,7 @@ mod tests {
         assert!(refusal("[servo]\nstall_n_m = -1").contains("[servo] stall_n_m is -1"));
         assert!(refusal("[timing]\nframe_s = 0").contains("frame_s is 0"));
         assert!(refusal("[plane]\nx = 1").contains("[plane]"));
-        assert!(refusal("thrust").contains("not a parameter file"));
+        assert!(refusal("thrust").contains("not TOML"));
         assert!(refusal("[drone]\nthrust_n = true").contains("[drone]"));
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::firmware;
 use client::StateKind;
-use rig::bench::{SHAFT_PER_GIMBAL, Since, TimedFault, VehicleConfig, ZERO_RUDDER_US};
+use rig::bench::{Since, TimedFault, VehicleConfig, ZERO_RUDDER_US};
 use rig::bno055::Fault;
 use rig::flight::FlightRecord;
 use rig::rocket::{self, Airframe, RocketLaw};
@@ -12,7 +12,7 @@ use rig::{ServoKind, Setup, Ticks, prepare};
 const SEED: u64 = 5;
 
 /// A rocket on its pad, whose image has `changes` of its parameters.
-fn on_pad(airframe: Airframe, law: RocketLaw, changes: &[(&str, f32)]) -> Setup {
+fn on_pad(airframe: &Airframe, law: RocketLaw, changes: &[(&str, f32)]) -> Setup {
     let mut setup = Setup::with_polarity(ServoKind::S3003, SEED);
     let on_pad = airframe.on_pad(SEED);
     setup.rig.bench.vehicle = VehicleConfig::Rocket(Box::new(on_pad));
@@ -29,7 +29,7 @@ fn on_pad(airframe: Airframe, law: RocketLaw, changes: &[(&str, f32)]) -> Setup 
 /// Flies it until so long after its ignition, s.
 fn fly(setup: &Setup, seconds: f64) -> FlightRecord {
     let ready = prepare(firmware(), setup, &mut |_| {}).unwrap();
-    let tilt_rad = Airframe::Stable.on_pad(SEED).start_rad;
+    let tilt_rad = Airframe::stable().on_pad(SEED).start_rad;
     ready.launch(tilt_rad, 5.0, seconds, &mut |_| {}).unwrap()
 }
 
@@ -57,7 +57,7 @@ fn state_at(flight: &FlightRecord, state: StateKind) -> Option<f64> {
 
 #[test]
 fn an_unstable_rocket_is_kept_upright_from_launch_to_burnout() {
-    let flight = fly(&on_pad(Airframe::Unstable, RocketLaw::Scheduled, &[]), 92.0);
+    let flight = fly(&on_pad(&Airframe::unstable(), RocketLaw::Scheduled, &[]), 92.0);
     let launch_s = state_at(&flight, StateKind::Active).unwrap();
     assert!((0.1..0.2).contains(&launch_s), "{launch_s}");
     let end_s = state_at(&flight, StateKind::Standby).unwrap();
@@ -65,7 +65,7 @@ fn an_unstable_rocket_is_kept_upright_from_launch_to_burnout() {
     let error_deg = error_deg(&flight, 2.1..90.0);
     assert!(error_deg < 2.0, "{error_deg}");
     // Within the gimbal's 5 deg until then, and neutral after.
-    let most_us = 10.0 * SHAFT_PER_GIMBAL * 5.0 + 1.0;
+    let most_us = 10.0 * Airframe::unstable().mounting.shaft_per_gimbal * 5.0 + 1.0;
     for pulse in flight.pulses.iter().chain(&flight.roll_pulses) {
         let off_us = (pulse.width_us() - ZERO_RUDDER_US).abs();
         let ended = seconds(&flight, pulse.rise) > end_s + 0.05;
@@ -85,9 +85,9 @@ fn an_unstable_rocket_is_kept_upright_from_launch_to_burnout() {
 /// stay.
 #[test]
 fn cascade_and_constant_gains_fly_too() {
-    let gains = Airframe::Stable.constant_gains();
+    let gains = Airframe::stable().constant_gains;
     for law in [RocketLaw::Cascade, RocketLaw::Constant(gains)] {
-        let flight = fly(&on_pad(Airframe::Stable, law, &[]), 20.0);
+        let flight = fly(&on_pad(&Airframe::stable(), law, &[]), 20.0);
         assert_eq!(flight.final_state, Some(StateKind::Active));
         let error_deg = error_deg(&flight, 2.1..20.0);
         assert!(error_deg < 2.0, "{law:?}: {error_deg}");
@@ -99,7 +99,7 @@ fn cascade_and_constant_gains_fly_too() {
 #[test]
 fn the_accelerometer_left_in_loses_the_rocket() {
     let left_in = [("FUSE_ACC", 1.0)];
-    let flight = fly(&on_pad(Airframe::Stable, RocketLaw::Scheduled, &left_in), 40.0);
+    let flight = fly(&on_pad(&Airframe::stable(), RocketLaw::Scheduled, &left_in), 40.0);
     assert!(error_deg(&flight, 20.0..40.0) > 10.0);
     // The estimator trusts the accelerometer, and does not know.
     let told = flight.received.tilt_sd_deg.last();
@@ -110,7 +110,7 @@ fn the_accelerometer_left_in_loses_the_rocket() {
 /// there.
 #[test]
 fn a_rocket_without_a_sensor_is_not_steered() {
-    let mut setup = on_pad(Airframe::Stable, RocketLaw::Scheduled, &[]);
+    let mut setup = on_pad(&Airframe::stable(), RocketLaw::Scheduled, &[]);
     setup.rig.bench.faults = vec![TimedFault {
         fault: Fault::Unplugged,
         since: Since::Release,

@@ -6,6 +6,7 @@ use clap::{Args, Subcommand};
 use plant::Parameters;
 use rig::ServoKind;
 
+use crate::vehicle::VehicleChoice;
 use flights::arguments::parameter;
 use report::arguments::{number, numbers};
 use report::kind;
@@ -56,7 +57,7 @@ Examples:
   tvc model linear                              the recommended drone, upright at zero rudder
   tvc model linear --preset THESIS_TEXT --at 0.2   where 0.2 rad of crank hold the drone
   tvc model linear --servo digital --gains 1.6,0.35 --json
-  tvc model linear --drone identified.toml      a file with [drone], [servo] and [timing]
+  tvc model linear --vehicle identified.toml    a file with [drone], [servo] and [timing]
 
 The state is (theta0, w0, theta1, w1): pitch, its rate, crank, its rate; the input is the servo's
 torque on the crank in N m, the output the pitch. The loop is cut at the crank command; its margins
@@ -64,13 +65,12 @@ count the sensor's delay, the rate's filter, half a control period, the hold of 
 pulse and the servo's lag. Deadband, backlash and the speed limit have no linear part.
 Exit status: 0 done, 1 something failed, 2 unusable input.")]
 pub struct Linear {
-    /// Drone, servo and timing: a file with tables of these names, each optional
-    /// (docs/explanation/model.md).
-    #[arg(long, value_name = "FILE.toml")]
-    pub drone: Option<PathBuf>,
+    /// The drone: drone, or a file (docs/guides/vehicles.md).
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "drone")]
+    pub vehicle: VehicleChoice,
 
-    /// The drone: PHYS, THESIS_TABLE or THESIS_TEXT [default: PHYS].
-    #[arg(long, value_name = "P", conflicts_with = "drone", value_parser = preset)]
+    /// Its masses and lengths: PHYS, THESIS_TABLE or THESIS_TEXT [default: PHYS].
+    #[arg(long, value_name = "P", conflicts_with = "vehicle", value_parser = preset)]
     pub preset: Option<String>,
 
     /// Servo and frame, in place of the file's.
@@ -104,7 +104,7 @@ pub struct Linear {
 #[command(after_help = "\
 Examples:
   tvc model what-if step.tlog --param SFC_GAIN_S=0.4  the release with another gain
-  tvc model what-if step.tlog --drone drone.toml      on the drone that `tvc identify` found
+  tvc model what-if step.tlog --vehicle drone.toml    on the drone that `tvc identify` found
   tvc model what-if evening.tlog --release 3 --param PITCH_SET_DEG=2 --json
 
 The model starts with the pitch that the log has, and leaves the hand when the log's drone does; the
@@ -125,10 +125,9 @@ pub struct WhatIf {
     #[arg(long = "param", value_name = "NAME=VALUE", value_parser = parameter)]
     pub parameters: Vec<(String, f32)>,
 
-    /// Drone, servo and timing where they differ from the servo's preset, as `tvc identify` writes
-    /// them.
-    #[arg(long, value_name = "FILE.toml")]
-    pub drone: Option<PathBuf>,
+    /// The drone: drone, or a file, such as `tvc identify` writes (docs/guides/vehicles.md).
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "drone")]
+    pub vehicle: VehicleChoice,
 
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]

@@ -9,7 +9,7 @@ use plant::pitch_loop::PitchLoop;
 use plant::response::StepResponse;
 use tvc_nano::{Axis, Params};
 
-use crate::control_law::{Law, setup};
+use crate::control_law::Law;
 use crate::model::WhatIf;
 use flights::figures::{Run, response, servo, settling_band_deg};
 use flights::log::{Flight, Release, Step};
@@ -43,7 +43,7 @@ pub fn run(options: &WhatIf) -> Result<Verdict> {
     let path = &options.log;
     let flight = Flight::read(path)?;
     let release = flight.release(options.release).map_err(|error| BadInput::of(path, error))?;
-    let setup = setup(servo(&release.params), options.drone.as_deref())?;
+    let setup = options.vehicle.drone(servo(&release.params))?;
     let changed: BTreeMap<String, f32> = options.parameters.iter().cloned().collect();
     let all = flown_again(&release, &setup, &changed).map_err(|error| BadInput::of(path, error))?;
     let difference_rad = rms_difference(&all[0].motion, &all[1].motion);
@@ -209,6 +209,7 @@ fn markup(options: &WhatIf, set_rad: f64, all: &[Flown], figures: &Figures) -> R
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::vehicle::VehicleChoice;
     use flights::log::{Entry, Event, Log};
     use rig::ServoKind;
     use tvc_nano::failsafe::StateKind;
@@ -244,7 +245,7 @@ mod tests {
 
     #[test]
     fn the_model_repeats_its_own_flight_and_answers_to_a_change() {
-        let setup = setup(ServoKind::S3003, None).unwrap();
+        let setup = VehicleChoice::default().drone(ServoKind::S3003).unwrap();
         let flight = Flight::of(&log(&setup));
         let release = flight.release(None).unwrap();
         let again = |changed: &[(&str, f32)]| {

@@ -42,7 +42,7 @@ pub fn run(options: &MonteCarlo) -> Result<Verdict> {
 fn fly(options: &MonteCarlo) -> Result<Verdict> {
     let report = options.output.page(NAME)?;
     kind::try_folder(&options.worst)?;
-    let setup = control_law::setup(options.servo, options.drone.as_deref())?;
+    let setup = options.vehicle.drone(options.servo)?;
     let params = control_law::parameters(options.servo, options.params.as_deref())?;
     let mut ranges = Ranges { cm_lateral_m: 1e-3 * options.lateral_mm, ..Ranges::WIDE };
     for spread in &options.spread {

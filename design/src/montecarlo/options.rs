@@ -6,6 +6,7 @@ use clap::{Args, Subcommand};
 use plant::dispersion::Ranges;
 use rig::ServoKind;
 
+use crate::vehicle::VehicleChoice;
 use report::arguments::{number, shard};
 use report::campaign::{CampaignOptions, Merge, Output};
 use report::kind;
@@ -73,10 +74,9 @@ pub struct MonteCarlo {
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
     pub servo: ServoKind,
 
-    /// Nominal drone, servo and timing where they differ from the servo's preset
-    /// (docs/explanation/model.md).
-    #[arg(long, value_name = "FILE.toml")]
-    pub drone: Option<PathBuf>,
+    /// The nominal drone: drone, or a file (docs/guides/vehicles.md).
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "drone")]
+    pub vehicle: VehicleChoice,
 
     /// Firmware parameters in place of the shipped ones, as `tvc tune` and `tvc param dump` write
     /// them.

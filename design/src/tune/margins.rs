@@ -185,7 +185,7 @@ mod tests {
     /// A law that has a transfer function, whose margins `tvc model linear` finds.
     #[test]
     fn a_plain_law_has_the_margins_of_its_transfer_function() {
-        let setup = crate::control_law::setup(rig::ServoKind::S3003, None).unwrap();
+        let setup = crate::vehicle::VehicleChoice::default().drone(rig::ServoKind::S3003).unwrap();
         let mut params = Params::default();
         for (name, value) in [("PID_LAW", 0.0), ("PID_KP", 1.0), ("PID_KD", 0.3)] {
             params.set(name, value).unwrap();

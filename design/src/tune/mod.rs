@@ -7,7 +7,7 @@ mod rocket;
 mod search;
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
@@ -17,6 +17,7 @@ use rig::{Image, ServoKind};
 use tvc_nano::Params;
 
 use crate::control_law;
+use crate::vehicle::{Vehicle, VehicleChoice, VehicleKind};
 use flights::{param_file, requirements};
 use report::arguments::number;
 use report::exit::Verdict;
@@ -41,28 +42,24 @@ Examples:
   tvc tune                                      gains for the analog servo
   tvc tune --servo digital --out digital.param  gains for the digital one, as a parameter file
   tvc tune --params my.param --generations 0    how good gains are, without a search
-  tvc tune --drone identified.toml --json       gains for a drone that `tvc identify` measured
+  tvc tune --vehicle identified.toml --json     gains for a drone that `tvc identify` measured
   tvc param load digital.param                  take them over into a vehicle
   tvc tune --vehicle rocket                     a rocket's gain schedule, and the best constant gains
+  tvc tune --vehicle mine.toml --out mine.param    all parameters of a rocket that a file describes
 
 Exit status: 0 every requirement met, 1 one missed, 2 unusable input.")]
 pub struct Tune {
-    /// What is to be flown: the drone with the surface law, one axis or two of its kind, or the
-    /// rocket with PID gains that follow its burn.
-    #[arg(long, value_enum, default_value_t, conflicts_with_all = ["servo", "drone", "overshoot", "settling", "margin", "params", "out"])]
-    pub vehicle: TuneVehicle,
+    /// What is to be flown: drone (its gains are those of both axes of drone2), rocket with PID
+    /// gains that follow its burn, or a file (docs/guides/vehicles.md).
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "drone")]
+    pub vehicle: VehicleChoice,
 
     /// The servo, with the frame rate that suits it.
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
     pub servo: ServoKind,
 
-    /// Drone, servo and timing where they differ from the servo's preset
-    /// (docs/explanation/model.md).
-    #[arg(long, value_name = "FILE.toml")]
-    pub drone: Option<PathBuf>,
-
     /// Largest overshoot, in percent of the start.
-    #[arg(long, value_name = "PCT", default_value_t = 2.0, value_parser = positive)]
+    #[arg(long, value_name = "PCT", default_value_t = Self::OVERSHOOT_PCT, value_parser = positive)]
     pub overshoot: f64,
 
     /// Longest 5 % settling, as a multiple of the time-optimal limit [default: 1.25, digital 1.2].
@@ -70,7 +67,7 @@ pub struct Tune {
     pub settling: Option<f64>,
 
     /// Least gain margin, in dB.
-    #[arg(long, value_name = "DB", default_value_t = 4.0, value_parser = positive)]
+    #[arg(long, value_name = "DB", default_value_t = Self::MARGIN_DB, value_parser = positive)]
     pub margin: f64,
 
     /// Generations of the search, of 14 candidates each; 0 leaves the analytic start.
@@ -103,18 +100,13 @@ pub struct Tune {
     pub json: bool,
 }
 
-fn positive(text: &str) -> Result<f64, String> {
-    number(text, f64::MIN_POSITIVE..=f64::MAX, "a number above zero is needed")
+impl Tune {
+    const OVERSHOOT_PCT: f64 = 2.0;
+    const MARGIN_DB: f64 = 4.0;
 }
 
-/// What gains are found for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum TuneVehicle {
-    /// The tethered drone. Its gains are those of both axes of a drone with two.
-    #[default]
-    Drone,
-    /// The rocket, stable and unstable.
-    Rocket,
+fn positive(text: &str) -> Result<f64, String> {
+    number(text, f64::MIN_POSITIVE..=f64::MAX, "a number above zero is needed")
 }
 
 /// Gains that the image flies: the last that were the best.
@@ -128,15 +120,15 @@ const MODEL: [&str; 3] = ["PID_LAW", "PITCH_GAIN", "SRV_RAD_S"];
 /// # Errors
 /// A file that cannot be used or written; the image is not to be had or does not fly.
 pub fn run(options: &Tune, image: impl FnOnce() -> Result<Image>) -> Result<Verdict> {
-    if options.vehicle == TuneVehicle::Rocket {
-        return rocket::run(options);
+    let Vehicle { kind, setup, airframes, .. } = options.vehicle.read(options.servo)?;
+    if kind == VehicleKind::Rocket {
+        return rocket::run(options, airframes);
     }
     let required = Requirements {
         overshoot_pct: options.overshoot,
         ratio: options.settling.unwrap_or(requirements::most_settling_ratio(options.servo)),
         gain_db: options.margin,
     };
-    let setup = control_law::setup(options.servo, options.drone.as_deref())?;
     let base = control_law::parameters(options.servo, None)?;
     let problem = Problem::new(setup, &base, options.seed)?;
     let start = match options.params.as_deref() {
@@ -178,14 +170,19 @@ pub fn run(options: &Tune, image: impl FnOnce() -> Result<Image>) -> Result<Verd
                 let (name, value) = ((*name).into(), *value);
                 Parameter { name, value }
             };
-            let rows: Vec<Parameter> = gains.iter().map(row).collect();
-            write_whole(out, param_file::text(&rows).as_bytes())?;
-            eprintln!("gains: {}", out.display());
+            write(out, &gains.iter().map(row).collect::<Vec<_>>())?;
         }
         Some(out) => eprintln!("{} is not written: --anyway writes it", out.display()),
         None => {}
     }
     Ok(verdict)
+}
+
+/// Writes parameters and says where they are.
+fn write(out: &Path, rows: &[Parameter]) -> Result<()> {
+    write_whole(out, param_file::text(rows).as_bytes())?;
+    eprintln!("gains: {}", out.display());
+    Ok(())
 }
 
 /// The gains that the image flies best, and their flights.

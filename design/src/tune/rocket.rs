@@ -1,72 +1,94 @@
 //! `tvc tune --vehicle rocket`: what a schedule's gains are best made for, and the best constant
 //! gains beside it, on the model of the rocket in wind and with kicks.
 
-use anyhow::Result;
-use rig::bench::SHAFT_PER_GIMBAL;
-use rig::rocket::{Airframe, Design, ROWS_S};
+use anyhow::{Result, bail};
+use client::Parameter;
+use rig::ServoKind;
+use rig::rocket::{self, Airframe, Design, RocketLaw};
+use tvc_nano::Params;
 use tvc_pid::Gains;
 
-use super::Tune;
 use super::search::{self, CANDIDATES};
+use super::{Tune, write};
 use crate::ascent::{self, Law, Outcome};
-use report::exit::Verdict;
+use crate::vehicle::store;
+use report::exit::{BadInput, Verdict};
 use report::measure::{Figure, Figures, figure, rows};
 use report::progress;
 
 /// Seeds of the flights by which gains are judged, beyond those that anybody flies by default.
 const SEEDS: std::ops::Range<u64> = 10_001..10_005;
-/// Each is flown with gains as they are, and with weaker and stronger ones: such are wanted that
-/// have some 4 dB to spare.
+/// Each is flown with gains as they are, and with weaker and stronger ones. Good gains have some
+/// 4 dB to spare.
 const EFFECTS: [f64; 3] = [1.0, 0.7, 1.6];
+/// What gains cost that the image refuses.
+const REFUSED: f64 = 1e3;
 /// Highest crossover of the rate's loop at any time of the burn, rad/s: a sixth of the first
 /// bending mode of a rocket like this (some 6 Hz, an estimate), which the model leaves out.
 const CROSSOVER_RAD_S: f64 = 6.0;
 
-/// Finds both and compares them.
-pub fn run(options: &Tune) -> Result<Verdict> {
-    let evaluations = u64::from(options.generations) * 4;
+/// Finds both for each airframe and compares them. A file gets all parameters of its image.
+pub fn run(options: &Tune, airframes: Vec<Airframe>) -> Result<Verdict> {
+    let given = [
+        ("--servo", options.servo != ServoKind::S3003),
+        ("--overshoot", options.overshoot != Tune::OVERSHOOT_PCT),
+        ("--settling", options.settling.is_some()),
+        ("--margin", options.margin != Tune::MARGIN_DB),
+        ("--params", options.params.is_some()),
+    ];
+    if let Some((name, _)) = given.into_iter().find(|(_, is_given)| *is_given) {
+        bail!(BadInput::new(format!("{name} is the drone's, and a rocket has no use for it")));
+    }
+    if options.out.is_some() && airframes.len() > 1 {
+        bail!(BadInput::new(
+            "--out is for one rocket, and --vehicle rocket is a stable and an unstable one: name a file, such as vehicles/hobby_rocket.toml"
+        ));
+    }
+    let evaluations = u64::from(options.generations) * 2 * airframes.len() as u64;
     let bar = progress::bar(evaluations, search::BAR);
     let mut found = Vec::new();
-    for airframe in Airframe::ALL {
+    for mut airframe in airframes {
         let told = |_: &[f64; 3], least: f64| {
             bar.set_message(format!("{:.3} deg", least.to_degrees()));
             bar.inc(1);
         };
         let (generations, seed) = (options.generations, options.seed);
-        let design = airframe.design();
+        let design = airframe.design;
         let start = [design.natural_rad_s, design.damping, design.integral];
-        let cost = |x: &[f64; 3]| cost(airframe, Law::Scheduled(of_design(*x)));
+        let cost = |x: &[f64; 3]| cost(&airframe, Law::Scheduled(of_design(*x)));
         let (design, design_cost) = search::minimise(start, generations, seed, cost, told);
 
-        let Gains { kp, ki, kd } = airframe.constant_gains();
+        let Gains { kp, ki, kd } = airframe.constant_gains;
         let start = [kp, ki, kd].map(f64::from);
-        let cost = |x: &[f64; 3]| self::cost(airframe, Law::Constant(of_gains(*x)));
+        let cost = |x: &[f64; 3]| self::cost(&airframe, Law::Constant(of_gains(*x)));
         let (gains, gains_cost) = search::minimise(start, generations, seed, cost, told);
-        found.push((airframe, of_design(design), design_cost, of_gains(gains), gains_cost));
+        airframe.design = of_design(design);
+        found.push((airframe, design_cost, of_gains(gains), gains_cost));
     }
     bar.finish_and_clear();
-    let schedules = found.iter().map(|(airframe, design, cost, ..)| {
+    let schedules = found.iter().map(|(airframe, cost, ..)| {
+        let design = airframe.design;
         [
-            figure("airframe", airframe.name()).shown("airframe", "", 0),
+            figure("airframe", airframe.name.as_str()).shown("airframe", "", 0),
             figure("natural_rad_s", design.natural_rad_s).shown("natural frequency", "rad/s", 3),
             figure("damping", design.damping).shown("damping", "", 3),
             figure("integral", design.integral).shown("integral", "", 3),
             error(*cost),
         ]
     });
-    let constants = found.iter().map(|(airframe, _, _, gains, cost)| {
+    let constants = found.iter().map(|(airframe, _, gains, cost)| {
         [
-            figure("airframe", airframe.name()).shown("airframe", "", 0),
+            figure("airframe", airframe.name.as_str()).shown("airframe", "", 0),
             figure("kp", f64::from(gains.kp)).shown("constant kp", "rad/rad", 4),
             figure("ki", f64::from(gains.ki)).shown("ki", "1/s", 4),
             figure("kd", f64::from(gains.kd)).shown("kd", "s", 4),
             error(*cost),
         ]
     });
-    let is_better = found.iter().all(|(_, _, schedule, _, constant)| schedule < constant);
+    let is_better = found.iter().all(|(_, schedule, _, constant)| schedule < constant);
     let table: Vec<_> = found
         .iter()
-        .map(|(airframe, design, ..)| gain_rows(*airframe, *design))
+        .map(|(airframe, ..)| gain_rows(airframe))
         .collect::<Result<Vec<_>>>()?
         .concat();
     let figures = Figures::from([
@@ -77,7 +99,13 @@ pub fn run(options: &Tune) -> Result<Verdict> {
         rows("rows", table),
         figure("schedule_is_better", is_better),
     ]);
-    figures.conclude(options.json, None)
+    let verdict = figures.conclude(options.json, None)?;
+    if let (Some(out), [(airframe, ..)]) = (&options.out, found.as_slice()) {
+        let parameters = rocket::parameters(airframe, RocketLaw::Scheduled).into_iter();
+        let rows: Vec<_> = parameters.map(|(name, value)| Parameter { name, value }).collect();
+        write(out, &rows)?;
+    }
+    Ok(verdict)
 }
 
 fn error(cost_rad: f64) -> Figure {
@@ -85,20 +113,20 @@ fn error(cost_rad: f64) -> Figure {
 }
 
 /// The rows of an airframe's schedule, as the image takes them: shaft angles.
-fn gain_rows(airframe: Airframe, design: Design) -> Result<Vec<[Figure; 5]>> {
-    let rocket = plant::rocket::Rocket::new(&airframe.parameters())?;
+fn gain_rows(airframe: &Airframe) -> Result<Vec<[Figure; 5]>> {
+    let rocket = plant::rocket::Rocket::new(airframe.rocket())?;
     let row = |at_s: f64| {
-        let Gains { kp, ki, kd } = design.gains(&rocket, at_s);
-        let shaft = |gain: f32| f64::from(gain) * SHAFT_PER_GIMBAL;
+        let Gains { kp, ki, kd } = airframe.design.gains(&rocket, at_s);
+        let shaft = |gain: f32| f64::from(gain) * airframe.mounting.shaft_per_gimbal;
         [
-            figure("airframe", airframe.name()).shown("airframe", "", 0),
+            figure("airframe", airframe.name.as_str()).shown("airframe", "", 0),
             figure("s", at_s).shown("GSn_S", "s", 0),
             figure("kp", shaft(kp)).shown("GSn_KP", "rad/rad", 3),
             figure("ki", shaft(ki)).shown("GSn_KI", "1/s", 3),
             figure("kd", shaft(kd)).shown("GSn_KD", "s", 3),
         ]
     };
-    Ok(ROWS_S.map(row).into())
+    Ok(airframe.rows_s().map(row).into())
 }
 
 fn of_design([natural_rad_s, damping, integral]: [f64; 3]) -> Design {
@@ -110,10 +138,10 @@ fn of_gains(gains: [f64; 3]) -> Gains {
     Gains { kp, ki, kd }
 }
 
-/// Mean of the flights' errors, rad rms, those with weaker and stronger gains among them; and more
-/// where the crossover is too high.
-fn cost(airframe: Airframe, law: Law) -> f64 {
-    let Ok(table) = plant::rocket::Rocket::new(&airframe.parameters()) else {
+/// Mean of the flights' errors, rad rms, those with weaker and stronger gains among them. It is
+/// more where the crossover is too high, and most where the image refuses the gains.
+fn cost(airframe: &Airframe, law: Law) -> f64 {
+    let Ok(table) = plant::rocket::Rocket::new(airframe.rocket()) else {
         return f64::INFINITY;
     };
     let crossover = |at_s: f64| {
@@ -123,12 +151,23 @@ fn cost(airframe: Airframe, law: Law) -> f64 {
         };
         f64::from(gains.kd) * table.at(at_s).mu_c
     };
-    let highest = ROWS_S.map(crossover).into_iter().fold(0.0, f64::max);
+    let highest = airframe.rows_s().map(crossover).into_iter().fold(0.0, f64::max);
     if highest > CROSSOVER_RAD_S {
         return highest;
     }
+    let mut flown = airframe.clone();
+    let of_image = match law {
+        Law::Constant(gains) => RocketLaw::Constant(gains),
+        Law::Scheduled(design) => {
+            flown.design = design;
+            RocketLaw::Scheduled
+        }
+    };
+    if store(&mut Params::default(), &rocket::parameters(&flown, of_image)).is_err() {
+        return REFUSED;
+    }
     let flights = SEEDS.flat_map(|seed| EFFECTS.map(|effect| (seed, effect)));
-    let burn_s = airframe.parameters().burn_s;
+    let burn_s = airframe.rocket().burn_s;
     let errors = flights.map(|(seed, effect)| {
         match ascent::fly(&airframe.on_pad(seed), airframe, law, effect) {
             Ok(Outcome::Flown(error_rad)) => error_rad,

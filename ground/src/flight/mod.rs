@@ -4,4 +4,3 @@ pub mod disturb;
 pub mod fly;
 pub mod hardware;
 pub mod rig;
-pub mod vehicle;

@@ -17,9 +17,8 @@ use clap::{Args, Subcommand, ValueEnum};
 use crate::flight::disturb::Disturb;
 use crate::flight::fly::{faults, start_angle};
 use crate::flight::hardware::HardwareChoice;
-use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
-use design::control_law;
+use design::vehicle::VehicleChoice;
 use report::arguments::{number, seconds};
 use report::exit::{BadInput, Verdict};
 #[cfg(unix)]
@@ -75,9 +74,10 @@ pub struct RigChoice {
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
     pub servo: ServoKind,
 
-    /// What hangs on the rig.
-    #[arg(long, value_enum, default_value_t)]
-    pub vehicle: VehicleKind,
+    /// What hangs on the rig: drone (one rudder), drone2 (two), rocket, or a file
+    /// (docs/guides/vehicles.md).
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "drone")]
+    pub vehicle: VehicleChoice,
 
     /// Seed of all that is random: sensor noise and bias, clock phases.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -112,10 +112,6 @@ pub struct RigChoice {
     /// Keep here what the vehicle stores, from one run to the next.
     #[arg(long, value_name = "FILE.bin")]
     pub memory: Option<PathBuf>,
-
-    /// Drone and servo, as `tvc identify` writes them (docs/explanation/model.md).
-    #[arg(long, value_name = "FILE.toml")]
-    pub drone: Option<PathBuf>,
 
     /// Lateral offset of the drone's mass, forward, in mm (-30 to 30).
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true, value_parser = offset)]
@@ -230,11 +226,9 @@ impl RigChoice {
             hardware: self.hardware.hardware()?,
             ..::rig::RigConfig::default()
         };
-        let physics = control_law::setup(self.servo, self.drone.as_deref())?;
-        config.bench.servo = physics.servo;
         config.bench.sensor.errors = self.sensor.errors();
         config.bench.start_rad = self.tilt;
-        self.vehicle.hang(&mut config)?;
+        self.vehicle.read(self.servo)?.hang(&mut config)?;
         match &mut config.bench.vehicle {
             VehicleConfig::TwoAxes(two_axes) => two_axes.start_roll_rad = self.roll,
             VehicleConfig::Rocket(rocket) => rocket.start_rad = [self.tilt, self.roll],
@@ -243,7 +237,8 @@ impl RigChoice {
             }
             VehicleConfig::OneAxis => {}
         }
-        config.bench.parameters = physics.drone.with_lateral_offset(self.cm_offset * 1e-3);
+        let parameters = config.bench.parameters;
+        config.bench.parameters = parameters.with_lateral_offset(self.cm_offset * 1e-3);
         config.bench.disturbances = self.disturb.over(scenario.disturbances);
         config.bench.faults = scenario.faults;
         let mut rig = ::rig::Rig::new(&self.image.image()?, &config)?;

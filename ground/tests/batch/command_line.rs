@@ -106,7 +106,7 @@ fn gains_and_drone_come_from_files() {
     let calm = file("calm.param", "SFC_CURVE 0.4\n");
     assert!(fly(&["--params", &calm]).0 > rise_s + 0.05);
     let heavy = file("heavy.toml", "[drone]\nbody_inertia_kg_m2 = 0.2\n");
-    assert!(fly(&["--drone", &heavy]).1 > overshoot_pct + 10.0);
+    assert!(fly(&["--vehicle", &heavy]).1 > overshoot_pct + 10.0);
 }
 
 #[test]

@@ -66,7 +66,7 @@ const ON_ITS_LOGS: &[(&str, &str)] = &[
     ("log-convert", "log convert step.tlog step.mcap"),
     ("identify", "identify step.csv"),
     ("identify", "identify step.tlog --out drone.toml"),
-    ("model-what-if", "model what-if step.tlog --drone drone.toml --param SFC_GAIN_S=0.1"),
+    ("model-what-if", "model what-if step.tlog --vehicle drone.toml --param SFC_GAIN_S=0.1"),
 ];
 
 /// What is compared by a test of its own, mostly one that runs it for other reasons.

@@ -189,7 +189,7 @@ fn linear_takes_servo_gains_point_and_parameter_file() {
     let folder = tempfile::tempdir().unwrap();
     let params = folder.path().join("p.toml");
     std::fs::write(&params, "[drone]\nthrust_n = 15\n[timing]\npreset = \"DIGITAL\"").unwrap();
-    let (weak, _) = json_and_report(&["linear", "--drone", text(&params)]);
+    let (weak, _) = json_and_report(&["linear", "--vehicle", text(&params)]);
     near(&weak["loop"]["kp"], 1.6, 0.0);
     near(&weak["A"][1][2], -13.08, 0.01);
 }

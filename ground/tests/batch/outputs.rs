@@ -15,9 +15,9 @@ const COMMANDS: [[&str; 3]; 14] = [
     ["a.html", "report", "another kind of file"],
     ["gains", "fly --params gains --report", "another kind of file"],
     ["a.param", "fly --params a.param --report", "name of a parameter file"],
-    ["a.toml", "tune --drone a.toml --out", "name of a TOML file"],
+    ["a.toml", "tune --vehicle a.toml --out", "name of a TOML file"],
     ["a.toml", "model simulate a.toml --out", "name of a TOML file"],
-    ["a.toml", "identify run.csv --drone a.toml --out", "is read from a.toml"],
+    ["a.toml", "identify run.csv --vehicle a.toml --out", "is read from a.toml"],
     ["a.csv", "montecarlo merge a.csv --out", "is read from a.csv"],
     ["a.foo", "monitor --log", "must end in .tlog or .mcap"],
 ];

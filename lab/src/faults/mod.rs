@@ -21,7 +21,7 @@ use ::report::exit::{BadInput, Verdict};
 use ::report::file::write_table;
 use ::report::kind;
 use ::report::measure::{Figures, figure};
-use ground::flight::vehicle::VehicleKind;
+use design::vehicle::{VehicleChoice, VehicleKind};
 pub use options::Faults;
 use options::{FaultsCommand, Rerun};
 pub use scenario::Scenario;
@@ -165,7 +165,7 @@ impl Base {
     fn new(image: &Image, flown: &Flown) -> Result<Self> {
         let mut setup = Setup::with_polarity(flown.servo, flown.seed);
         setup.rig.hardware = flown.hardware.parse().map_err(BadInput::new)?;
-        flown.vehicle.hang(&mut setup.rig)?;
+        VehicleChoice::Known(flown.vehicle).read(flown.servo)?.hang(&mut setup.rig)?;
         if flown.plan == Plan::Sound {
             let sound = Sound::new(image, setup, flown.phase).with_hardware(&flown.hardware);
             let mut sound = sound.map_err(BadInput::new)?;

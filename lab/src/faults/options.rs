@@ -7,8 +7,8 @@ use rig::ServoKind;
 use rig::faults::{Kind, Phase, Plan};
 
 use super::Flown;
+use design::vehicle::VehicleKind;
 use ground::flight::hardware::HardwareChoice;
-use ground::flight::vehicle::VehicleKind;
 use ground::image::ImageOption;
 use report::arguments::shard;
 use report::campaign::{CampaignOptions, Merge, Output};

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::table::Row;
 use super::{Flown, named};
-use ground::flight::vehicle::VehicleKind;
+use design::vehicle::VehicleKind;
 use report::file::write_whole;
 
 /// All that is needed to carry out a run again, with the image.

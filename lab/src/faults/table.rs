@@ -5,7 +5,7 @@ use rig::faults::{Alarms, Ending, Kind, Outcome, Phase, Plan};
 use serde::{Deserialize, Serialize};
 
 use super::{Flown, named};
-use ground::flight::vehicle::VehicleKind;
+use design::vehicle::VehicleKind;
 use report::campaign;
 
 /// How a run ended.

@@ -293,7 +293,7 @@ impl Ascent {
         if drive.burning {
             let [pitch, roll] =
                 [0, 1].map(|axis| drive.gimbal_rad[axis] + p.misalignment_rad[axis]);
-            let thrust = p.rocket.thrust_n * direction(pitch, roll);
+            let thrust = p.rocket.burn_at(drive.time_s).0 * direction(pitch, roll);
             force += thrust;
             moment += Vector3::new(0.0, 0.0, mass.cm_m).cross(&thrust);
         }

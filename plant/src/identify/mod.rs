@@ -83,7 +83,7 @@ pub enum IdentifyError {
 /// One identified quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
-    /// Name of the parameter in a parameter file.
+    /// Name of the parameter in a vehicle's file.
     pub name: &'static str,
     /// Nominal value, SI.
     pub nominal: f64,
@@ -227,7 +227,7 @@ fn report(fit: &Fit<'_>, found: &fit::Found) -> Result<Identification, IdentifyE
     })
 }
 
-/// Names of the shared unknowns in a parameter file.
+/// Names of the shared unknowns in a vehicle's file.
 const NAMES: [&str; SHARED] =
     ["thrust_n", "body_inertia_kg_m2", "speed_rad_s", "delay_s", "horn_rad"];
 

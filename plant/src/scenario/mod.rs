@@ -4,7 +4,7 @@
 //! seconds = 5.0
 //! dt_s = "5 ms"                 # of the output; the integrator chooses its own
 //!
-//! [drone]                       # and [servo], [timing]: as in a parameter file
+//! [drone]                       # and [servo], [timing]: as in a vehicle's file
 //! preset = "THESIS_TEXT"
 //!
 //! [start]                       # all zero if left out, the crank at zero rudder

@@ -2,6 +2,7 @@
 
 use plant::two_axis::{TwoAxisDrone, TwoAxisParameters};
 use plant::{Drone, ParameterError, Parameters, ServoModel};
+use serde::{Deserialize, Serialize};
 use tvc_nano::Axis;
 
 use super::disturbance::Disturbances;
@@ -11,11 +12,14 @@ use super::{EarthField, TimedFault, Wiring};
 use crate::bno055;
 
 /// What a drone that hangs in a joint and has two rudders has besides.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TwoAxes {
     /// Roll at which the clamp holds the drone at power-on, rad.
+    #[serde(skip)]
     pub start_roll_rad: f64,
     /// Rate about its own vertical with which it is released, rad/s.
+    #[serde(skip)]
     pub spin_rad_s: f64,
     /// Distance of the centre of mass from the thrust axis to the right, m.
     pub lateral_cm_m: f64,

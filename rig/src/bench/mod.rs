@@ -22,6 +22,6 @@ pub use fault_schedule::{FaultEntry, Since, TimedFault};
 pub use hardware::Hardware;
 pub use knock::Knock;
 pub use magnet::Magnet;
-pub use rocket::{Kick, Rocket, RocketConfig, SHAFT_PER_GIMBAL};
+pub use rocket::{Kick, Rocket, RocketConfig};
 pub use vehicle::Vehicle;
 pub use wiring::Wiring;

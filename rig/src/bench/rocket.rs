@@ -5,9 +5,6 @@ use plant::ParameterError;
 use plant::ascent::{Ascent, AscentParameters};
 use tvc_nano::Axis;
 
-/// Angle of an actuator's shaft for one of the gimbal: 5 deg of gimbal are 30 deg, 300 us of pulse.
-pub const SHAFT_PER_GIMBAL: f64 = 6.0;
-
 /// A rocket in place of the drone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RocketConfig {
@@ -17,6 +14,8 @@ pub struct RocketConfig {
     pub start_rad: [f64; Axis::COUNT],
     /// What kicks the rocket in flight, in order of time.
     pub kicks: Vec<Kick>,
+    /// Angle of an actuator's shaft for one of the gimbal.
+    pub shaft_per_gimbal: f64,
 }
 
 /// A kick: the rates about the body's y and x jump.
@@ -34,6 +33,7 @@ pub struct Rocket {
     ascent: Ascent,
     /// Those that are still to come.
     kicks: Vec<Kick>,
+    shaft_per_gimbal: f64,
 }
 
 impl Rocket {
@@ -45,7 +45,11 @@ impl Rocket {
         config: &RocketConfig,
         attitude: UnitQuaternion<f64>,
     ) -> Result<Self, ParameterError> {
-        Ok(Self { ascent: Ascent::new(&config.parameters, attitude)?, kicks: config.kicks.clone() })
+        Ok(Self {
+            ascent: Ascent::new(&config.parameters, attitude)?,
+            kicks: config.kicks.clone(),
+            shaft_per_gimbal: config.shaft_per_gimbal,
+        })
     }
 
     /// The physics.
@@ -69,7 +73,7 @@ impl Rocket {
 
     /// Advances by `dt_s` with the actuators' shafts sent to these angles, pitch and roll, rad.
     pub fn step(&mut self, dt_s: f64, shafts_rad: [f64; Axis::COUNT]) {
-        let gimbal = shafts_rad.map(|shaft| shaft / SHAFT_PER_GIMBAL);
+        let gimbal = shafts_rad.map(|shaft| shaft / self.shaft_per_gimbal);
         self.ascent.step(dt_s, gimbal);
         let now_s = self.ascent.time_s().unwrap_or(0.0);
         while let Some(kick) = self.kicks.first().filter(|kick| kick.at_s <= now_s) {
@@ -83,7 +87,7 @@ impl Rocket {
     /// The actuators' shafts where the gimbal is now, pitch and roll, rad.
     pub(super) fn shafts_rad(&self) -> [f64; Axis::COUNT] {
         let gimbal = self.ascent.gimbal_rad();
-        gimbal.map(|gimbal| gimbal * SHAFT_PER_GIMBAL)
+        gimbal.map(|gimbal| gimbal * self.shaft_per_gimbal)
     }
 }
 
@@ -96,6 +100,7 @@ mod tests {
             parameters: AscentParameters::SPICA,
             start_rad: [0.0; 2],
             kicks: kicks.to_vec(),
+            shaft_per_gimbal: 6.0,
         };
         Rocket::new(&config, UnitQuaternion::identity()).unwrap()
     }

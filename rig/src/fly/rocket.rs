@@ -4,119 +4,252 @@
 //! a half times as hard. Its laws are proportional-integral-derivative with gains that follow the
 //! burn, or with constant ones, and a cascade.
 
+use plant::ParameterError;
 use plant::ascent::{AscentParameters, Gust, Turbulence, Wind};
+use plant::parameters::check;
 use plant::rocket::{Rocket, RocketParameters};
 use rand::Rng;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 use tvc_pid::Gains;
 
-use crate::bench::{Kick, RocketConfig, SHAFT_PER_GIMBAL};
-use crate::named_enum::named_enum;
+use crate::bench::{Kick, RocketConfig};
 use crate::random::{Stream, generator};
 
 /// A degree, rad.
 const DEG: f64 = PI / 180.0;
+/// Gravity on the pad, m/s2.
+const GRAVITY_M_S2: f64 = 9.81;
 
-/// Tilt of the rail, which the rocket leaves with it: the first kick, rad.
-pub const RAIL_TILT_RAD: f64 = 5.0 * DEG;
-/// Times of the other kicks, s since ignition.
-pub const KICKS_S: [f64; 4] = [20.0, 37.0, 60.0, 84.0];
-/// The rate of such a kick, rad/s: the rocket turns by some 5 deg before its gimbal has stopped it.
-pub const KICK_RAD_S: f64 = 0.3;
-/// Angle by which the thrust is off the rocket's axis, rad.
-pub const MISALIGNMENT_RAD: f64 = 2.0 * DEG;
-/// The wind: the same everywhere, m/s.
-pub const WIND_M_S: f64 = 8.0;
-/// A gust in a layer of the air that the rocket passes at its greatest dynamic pressure: peak, m/s.
-pub const GUST_M_S: f64 = 12.0;
-/// Altitude of the layer's base and its depth, m.
-pub const GUST_LAYER_M: [f64; 2] = [7_000.0, 1_500.0];
-/// Turbulence, m/s rms in each direction, and its length, m.
-pub const TURBULENCE: [f64; 2] = [1.5, 300.0];
+/// Least angular acceleration for each radian of Spica's gimbal, 1/s2.
+const SPICA_EFFECT: f64 = 12.3;
 
-named_enum! {
-    /// Whether the air turns the rocket back to its path or away from it.
-    Airframe, "airframe";
-    /// The centre of pressure is 1.5 diameters behind the centre of mass.
-    Stable = "stable",
-    /// It is 0.75 diameters before it.
-    Unstable = "unstable",
+/// What a rocket meets on its way; all directions come from a seed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Conditions {
+    /// Way along the rail, m.
+    pub rail_m: f64,
+    /// Tilt of the rail, which the rocket leaves with it: the first kick, rad.
+    pub rail_tilt_rad: f64,
+    /// Angle by which the thrust is off the rocket's axis, rad.
+    pub misalignment_rad: f64,
+    /// Times of the kicks, s since ignition.
+    pub kicks_s: [f64; 4],
+    /// The rate of a kick, rad/s.
+    pub kick_rad_s: f64,
+    /// The wind: the same everywhere, m/s.
+    pub wind_m_s: f64,
+    /// A gust in a layer of the air: peak, m/s.
+    pub gust_m_s: f64,
+    /// Altitude of the layer's base, m.
+    pub gust_from_m: f64,
+    /// Depth of the layer, m.
+    pub gust_depth_m: f64,
+    /// Turbulence, rms in each direction, m/s.
+    pub turbulence_m_s: f64,
+    /// Its length, m.
+    pub turbulence_length_m: f64,
+}
+
+impl Conditions {
+    /// Calm air, a rail that stands upright, and no kick.
+    pub const CALM: Self = Self {
+        rail_m: 5.0,
+        rail_tilt_rad: 0.0,
+        misalignment_rad: 0.0,
+        kicks_s: [0.0; 4],
+        kick_rad_s: 0.0,
+        wind_m_s: 0.0,
+        gust_m_s: 0.0,
+        gust_from_m: 0.0,
+        gust_depth_m: 1_500.0,
+        turbulence_m_s: 0.0,
+        turbulence_length_m: 300.0,
+    };
+
+    /// Those of Spica: a kick turns it by some 5 deg before its gimbal has stopped it, and it
+    /// passes the gust at its greatest dynamic pressure.
+    pub const SPICA: Self = Self {
+        rail_tilt_rad: 5.0 * DEG,
+        misalignment_rad: 2.0 * DEG,
+        kicks_s: [20.0, 37.0, 60.0, 84.0],
+        kick_rad_s: 0.3,
+        wind_m_s: 8.0,
+        gust_m_s: 12.0,
+        gust_from_m: 7_000.0,
+        turbulence_m_s: 1.5,
+        ..Self::CALM
+    };
+
+    /// These with all directions from a seed, for a rocket in calm air.
+    fn on_pad(&self, seed: u64, airframe: &Airframe) -> RocketConfig {
+        let mut dice = generator(seed, Stream::Ascent);
+        let mut direction = |size: f64| {
+            let (sin, cos) = dice.random_range(0.0..TAU).sin_cos();
+            [cos * size, sin * size]
+        };
+        let start_rad = direction(self.rail_tilt_rad);
+        let misalignment_rad = direction(self.misalignment_rad);
+        let [wind_north, wind_east] = direction(self.wind_m_s);
+        let [gust_north, gust_east] = direction(self.gust_m_s);
+        let kicks = self.kicks_s.map(|at_s| Kick { at_s, rates_rad_s: direction(self.kick_rad_s) });
+        let gust = Gust {
+            from_m: self.gust_from_m,
+            depth_m: self.gust_depth_m,
+            peak_m_s: [gust_north, gust_east, 0.0],
+        };
+        let (rms_m_s, length_m) = (self.turbulence_m_s, self.turbulence_length_m);
+        RocketConfig {
+            parameters: AscentParameters {
+                misalignment_rad,
+                rail_m: self.rail_m,
+                wind: Wind {
+                    steady_m_s: [wind_north, wind_east, 0.0],
+                    gust: Some(gust),
+                    turbulence: Some(Turbulence { rms_m_s, length_m, seed }),
+                },
+                ..airframe.parameters
+            },
+            start_rad,
+            kicks: kicks.to_vec(),
+            shaft_per_gimbal: airframe.mounting.shaft_per_gimbal,
+        }
+    }
+}
+
+/// How sensor and actuators sit in a rocket.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mounting {
+    /// The sensor, from the gimbal along the body's axes, m: the nose is at negative z.
+    pub sensor_m: [f64; 3],
+    /// Angle of an actuator's shaft for one of the gimbal.
+    pub shaft_per_gimbal: f64,
+}
+
+/// A rocket as its image is told of it, and what it meets.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Airframe {
+    /// Its name in reports.
+    pub name: String,
+    /// Masses, thrust, air and gimbal, in calm air, with the thrust along the axis.
+    parameters: AscentParameters,
+    /// Sensor and actuators.
+    pub mounting: Mounting,
+    /// What it meets.
+    pub conditions: Conditions,
+    /// What its scheduled gains are made for.
+    pub design: Design,
+    /// Constant gains of the gimbal.
+    pub constant_gains: Gains,
 }
 
 impl Airframe {
-    /// Its figures.
-    pub fn parameters(self) -> RocketParameters {
-        match self {
-            Self::Stable => RocketParameters::SPICA,
-            Self::Unstable => RocketParameters::SPICA_UNSTABLE,
-        }
-    }
-
-    /// What its scheduled gains are made for, as `tvc tune --vehicle rocket` found it.
-    pub fn design(self) -> Design {
-        match self {
-            Self::Stable => Design { natural_rad_s: 4.646, damping: 0.642, integral: 0.148 },
-            Self::Unstable => Design { natural_rad_s: 4.264, damping: 0.702, integral: 0.127 },
-        }
-    }
-
-    /// The constant gains of the gimbal with which it flies best, as the same search found them.
-    pub fn constant_gains(self) -> Gains {
-        match self {
-            Self::Stable => Gains { kp: 1.1108, ki: 0.3533, kd: 0.194 },
-            Self::Unstable => Gains { kp: 1.147, ki: 0.2341, kd: 0.1934 },
-        }
-    }
-
-    /// The rocket on its pad in the wind, with all directions from a seed.
-    pub fn on_pad(self, seed: u64) -> RocketConfig {
-        let mut dice = generator(seed, Stream::Ascent);
-        let mut direction = || {
-            let (sin, cos) = dice.random_range(0.0..TAU).sin_cos();
-            [cos, sin]
-        };
-        let tilt = direction();
-        let misalignment = direction();
-        let [wind_north, wind_east] = direction();
-        let [gust_north, gust_east] = direction();
-        let kicks = KICKS_S
-            .map(|at_s| Kick { at_s, rates_rad_s: direction().map(|share| share * KICK_RAD_S) });
-        let [from_m, depth_m] = GUST_LAYER_M;
-        let [rms_m_s, length_m] = TURBULENCE;
-        RocketConfig {
-            parameters: AscentParameters {
-                misalignment_rad: misalignment.map(|share| share * MISALIGNMENT_RAD),
-                wind: Wind {
-                    steady_m_s: [wind_north * WIND_M_S, wind_east * WIND_M_S, 0.0],
-                    gust: Some(Gust {
-                        from_m,
-                        depth_m,
-                        peak_m_s: [gust_north * GUST_M_S, gust_east * GUST_M_S, 0.0],
-                    }),
-                    turbulence: Some(Turbulence { rms_m_s, length_m, seed }),
-                },
-                ..AscentParameters::of(self.parameters())
+    /// Spica, whose centre of pressure is 1.5 diameters behind its centre of mass.
+    pub fn stable() -> Self {
+        Self {
+            name: "stable".to_owned(),
+            parameters: AscentParameters::SPICA,
+            mounting: Mounting {
+                sensor_m: AscentParameters::SPICA.sensor_m,
+                // 5 deg of gimbal are 30 deg, 300 us of pulse.
+                shaft_per_gimbal: 6.0,
             },
-            start_rad: tilt.map(|share| share * RAIL_TILT_RAD),
-            kicks: kicks.to_vec(),
+            conditions: Conditions::SPICA,
+            // As `tvc tune --vehicle rocket` found them.
+            design: Design::STABLE,
+            constant_gains: Gains { kp: 1.1108, ki: 0.3533, kd: 0.194 },
         }
+    }
+
+    /// Spica with a centre of pressure 0.75 diameters before its centre of mass.
+    pub fn unstable() -> Self {
+        Self {
+            name: "unstable".to_owned(),
+            parameters: AscentParameters::SPICA_UNSTABLE,
+            design: Design::UNSTABLE,
+            constant_gains: Gains { kp: 1.147, ki: 0.2341, kd: 0.1934 },
+            ..Self::stable()
+        }
+    }
+
+    /// A rocket by its figures, with the gains that Spica's design gives it. The design is made
+    /// slower where the gimbal has less effect than Spica's, so that the rate gain is no higher.
+    ///
+    /// # Errors
+    /// The first figure out of range, by name.
+    pub fn new(
+        name: String,
+        rocket: RocketParameters,
+        mounting: Mounting,
+        conditions: Conditions,
+    ) -> Result<Self, ParameterError> {
+        let mut design = if rocket.static_margin > 0.0 { Design::STABLE } else { Design::UNSTABLE };
+        let table = Rocket::new(&rocket)?;
+        let effects = rows_s(rocket.burn_s).map(|at_s| table.at(at_s).mu_c);
+        let least = effects.into_iter().fold(SPICA_EFFECT, f64::min);
+        design.natural_rad_s *= least / SPICA_EFFECT;
+        let constant_gains = design.gains(&table, 0.5 * rocket.burn_s);
+        let parameters =
+            AscentParameters { sensor_m: mounting.sensor_m, ..AscentParameters::of(rocket) };
+        let airframe = Self { name, parameters, mounting, conditions, design, constant_gains };
+        let ratio = ("shaft_per_gimbal", mounting.shaft_per_gimbal);
+        check(&[ratio], "0.1 to 100", |ratio| (0.1..=100.0).contains(&ratio))?;
+        let Conditions { rail_tilt_rad, misalignment_rad, kick_rad_s, .. } = conditions;
+        for (name, size) in [
+            ("rail_tilt_rad", rail_tilt_rad),
+            ("misalignment_rad", misalignment_rad),
+            ("kick_rad_s", kick_rad_s),
+        ] {
+            check(&[(name, size)], "0 to 0.8", |size| (0.0..=0.8).contains(&size))?;
+        }
+        airframe.on_pad(1).parameters.validate()?;
+        Ok(airframe)
+    }
+
+    /// Its figures.
+    pub fn rocket(&self) -> &RocketParameters {
+        &self.parameters.rocket
+    }
+
+    /// The rocket on its pad, with all directions of what it meets from a seed.
+    pub fn on_pad(&self, seed: u64) -> RocketConfig {
+        self.conditions.on_pad(seed, self)
+    }
+
+    /// Times of the schedule's rows, s.
+    pub fn rows_s(&self) -> [f64; 6] {
+        rows_s(self.rocket().burn_s)
     }
 }
 
-/// By how much rockets differ from their figures, either way: thrust, and inertia and propellant,
-/// as shares; the dry centre of mass, m; the static margin, diameters; speed and bandwidth of the
-/// gimbal, as a share.
+/// Times of the rows for a burn, s.
+fn rows_s(burn_s: f64) -> [f64; 6] {
+    /// Those of a burn of 90 s.
+    const SPICA_S: [f64; 6] = [0.0, 20.0, 37.0, 60.0, 78.0, 90.0];
+    let scale = burn_s / RocketParameters::SPICA.burn_s;
+    SPICA_S.map(|at_s| at_s * scale)
+}
+
+// By how much rockets differ from their figures, either way.
+
+/// Thrust, a share.
 const THRUST: f64 = 0.05;
+/// Inertia, a share.
 const INERTIA: f64 = 0.2;
+/// Propellant, a share.
 const PROPELLANT: f64 = 0.03;
+/// The dry centre of mass, m, if it is as far from the gimbal as Spica's.
 const CENTRE_M: f64 = 0.3;
+/// The static margin, diameters.
 const MARGIN: f64 = 0.4;
+/// Speed and bandwidth of the gimbal, a share.
 const GIMBAL: f64 = 0.2;
 
 /// A rocket that is not as its image was told, drawn from a seed: wind, gust and misalignment are
 /// anything up to those of [`Airframe::on_pad`], and the total impulse is that of the propellant.
-pub fn dispersed(seed: u64) -> (Airframe, RocketConfig) {
-    let airframe = Airframe::ALL[(seed % 2) as usize];
+pub fn dispersed(seed: u64, airframe: &Airframe) -> RocketConfig {
     let mut config = airframe.on_pad(seed);
     let mut dice = generator(seed, Stream::Campaign);
     let mut about = |share: f64| dice.random_range(-share..=share);
@@ -126,7 +259,8 @@ pub fn dispersed(seed: u64) -> (Airframe, RocketConfig) {
     rocket.propellant_kg *= propellant;
     rocket.burn_s *= propellant / thrust;
     rocket.dry_inertia_kg_m2 *= 1.0 + about(INERTIA);
-    rocket.dry_cm_m += about(CENTRE_M);
+    let centre = rocket.dry_cm_m / RocketParameters::SPICA.dry_cm_m;
+    rocket.dry_cm_m += centre * about(CENTRE_M);
     rocket.static_margin += about(MARGIN);
     rocket.gimbal_rate_rad_s *= 1.0 + about(GIMBAL);
     rocket.gimbal_hz *= 1.0 + about(GIMBAL);
@@ -139,7 +273,7 @@ pub fn dispersed(seed: u64) -> (Airframe, RocketConfig) {
         scaled(&mut gust.peak_m_s, part());
     }
     scaled(&mut config.start_rad, part());
-    (airframe, config)
+    config
 }
 
 /// How the rocket is controlled.
@@ -164,10 +298,12 @@ pub struct Design {
     pub integral: f64,
 }
 
-/// Times of the schedule's rows, s.
-pub const ROWS_S: [f64; 6] = [0.0, 20.0, 37.0, 60.0, 78.0, 90.0];
-
 impl Design {
+    /// For Spica, as `tvc tune --vehicle rocket` found it.
+    const STABLE: Self = Self { natural_rad_s: 4.646, damping: 0.642, integral: 0.148 };
+    /// The same for its unstable airframe.
+    const UNSTABLE: Self = Self { natural_rad_s: 4.264, damping: 0.702, integral: 0.127 };
+
     /// The gains of the gimbal at a time of a rocket's burn, s.
     pub fn gains(&self, rocket: &Rocket, time_s: f64) -> Gains {
         let flight = rocket.at(time_s);
@@ -181,20 +317,24 @@ impl Design {
 }
 
 /// The parameters of the image that steers the rocket, where they differ from the drone's.
-pub fn parameters(airframe: Airframe, law: RocketLaw) -> Vec<(String, f32)> {
-    let limit = airframe.parameters().gimbal_limit_rad;
-    let rate = airframe.parameters().gimbal_rate_rad_s;
+pub fn parameters(airframe: &Airframe, law: RocketLaw) -> Vec<(String, f32)> {
+    let rocket = airframe.rocket();
+    let (limit, rate) = (rocket.gimbal_limit_rad, rocket.gimbal_rate_rad_s);
+    let acceleration = rocket.thrust_n / (rocket.dry_mass_kg + rocket.propellant_kg);
+    let per_gimbal = airframe.mounting.shaft_per_gimbal;
     // A shaft turns by 1 deg for 10 us.
-    let us_per_rad = 10.0 * SHAFT_PER_GIMBAL / DEG;
+    let us_per_rad = 10.0 * per_gimbal / DEG;
     let centre_us = crate::bench::ZERO_RUDDER_US;
     let ends = [-limit, limit].map(|angle| (centre_us + angle * us_per_rad) as f32);
     let mut all = Vec::new();
     let mut set = |name: &str, value: f32| all.push((name.to_owned(), value));
     set("AXES", 2.0);
     set("FUSE_ACC", 0.0);
-    set("LAUNCH_ACC", 15.0);
-    set("BURNOUT_ACC", 5.0);
-    set("BURN_S", 100.0);
+    // Between 1 g and what the thrust gives; well below what it gives; later than the burnout.
+    let launch = GRAVITY_M_S2 + (acceleration - GRAVITY_M_S2) / 3.0;
+    set("LAUNCH_ACC", launch.round() as f32);
+    set("BURNOUT_ACC", (0.2 * acceleration) as f32);
+    set("BURN_S", (rocket.burn_s / 0.9) as f32);
     set("SRV_SLEW_US_S", (rate * us_per_rad) as f32);
     for servo in ["SRV", "SRV2"] {
         set(&format!("{servo}_POLARITY"), 1.0);
@@ -202,7 +342,7 @@ pub fn parameters(airframe: Airframe, law: RocketLaw) -> Vec<(String, f32)> {
         set(&format!("{servo}_MAX_US"), ends[1]);
     }
     let shaft = |gains: Gains| {
-        let scale = SHAFT_PER_GIMBAL as f32;
+        let scale = per_gimbal as f32;
         [("KP", gains.kp * scale), ("KI", gains.ki * scale), ("KD", gains.kd * scale)]
     };
     match law {
@@ -215,11 +355,12 @@ pub fn parameters(airframe: Airframe, law: RocketLaw) -> Vec<(String, f32)> {
         }
         RocketLaw::Scheduled | RocketLaw::Cascade => {
             set("PID_LAW", if law == RocketLaw::Cascade { 3.0 } else { 0.0 });
-            set("GS_ROWS", ROWS_S.len() as f32);
-            if let Ok(rocket) = Rocket::new(&airframe.parameters()) {
-                for (row, at_s) in (1..).zip(ROWS_S) {
+            let rows_s = airframe.rows_s();
+            set("GS_ROWS", rows_s.len() as f32);
+            if let Ok(rocket) = Rocket::new(rocket) {
+                for (row, at_s) in (1..).zip(rows_s) {
                     set(&format!("GS{row}_S"), at_s as f32);
-                    for (name, gain) in shaft(airframe.design().gains(&rocket, at_s)) {
+                    for (name, gain) in shaft(airframe.design.gains(&rocket, at_s)) {
                         set(&format!("GS{row}_{name}"), gain);
                     }
                 }
@@ -237,11 +378,11 @@ mod tests {
 
     #[test]
     fn every_law_of_either_airframe_is_within_the_parameters_ranges() {
-        for airframe in Airframe::ALL {
-            let constant = RocketLaw::Constant(airframe.constant_gains());
+        for airframe in [Airframe::stable(), Airframe::unstable()] {
+            let constant = RocketLaw::Constant(airframe.constant_gains);
             for law in [RocketLaw::Scheduled, constant, RocketLaw::Cascade] {
                 let mut params = Params::default();
-                for (name, value) in parameters(airframe, law) {
+                for (name, value) in parameters(&airframe, law) {
                     let set = params.set(&name, value);
                     assert!(set.is_ok(), "{airframe:?}, {law:?}: {name} {value}");
                 }
@@ -253,11 +394,11 @@ mod tests {
     fn rockets_of_all_seeds_are_possible_and_differ() {
         let mut thrusts: Vec<f64> = (0..200)
             .map(|seed| {
-                let (_, config) = dispersed(seed);
+                let config = dispersed(seed, &Airframe::stable());
                 let attitude = nalgebra::UnitQuaternion::identity();
                 assert!(Ascent::new(&config.parameters, attitude).is_ok(), "{seed}");
                 let [pitch, roll] = config.start_rad;
-                assert!(pitch.hypot(roll) <= RAIL_TILT_RAD + 1e-9);
+                assert!(pitch.hypot(roll) <= Conditions::SPICA.rail_tilt_rad + 1e-9);
                 config.parameters.rocket.thrust_n
             })
             .collect();

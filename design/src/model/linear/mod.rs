@@ -12,7 +12,6 @@ use plant::{Mechanism, Parameters, ServoModel, Setup};
 
 use crate::model::Linear;
 use ::report::exit::{BadInput, Verdict};
-use ::report::input;
 use rig::ServoKind;
 
 /// Frames shorter than this (s) belong to a digital servo, whose gains are higher.
@@ -45,7 +44,7 @@ pub fn run(options: &Linear) -> Result<Verdict> {
     analysis.figures().conclude(options.json, Some((&options.report, page)))
 }
 
-fn analyse(options: &Linear) -> Result<Analysis, BadInput> {
+fn analyse(options: &Linear) -> Result<Analysis> {
     let setup = setup(options)?;
     let mechanism = Mechanism::new(&setup.drone).map_err(BadInput::new)?;
     let (point, torque_n_m) = point(options, &mechanism)?;
@@ -62,13 +61,8 @@ fn analyse(options: &Linear) -> Result<Analysis, BadInput> {
     })
 }
 
-fn setup(options: &Linear) -> Result<Setup, BadInput> {
-    let mut setup = match &options.drone {
-        None => Setup::default(),
-        Some(path) => {
-            Setup::parse(&input::file_text(path)?).map_err(|error| BadInput::of(path, error))?
-        }
-    };
+fn setup(options: &Linear) -> Result<Setup> {
+    let mut setup = options.vehicle.drone_over(Setup::default())?;
     let preset = options.preset.as_deref().and_then(Parameters::preset);
     setup.drone = preset.unwrap_or(setup.drone);
     match options.servo {

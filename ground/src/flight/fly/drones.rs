@@ -21,8 +21,7 @@ use tvc_nano::Axis;
 use super::figures::cycles;
 use super::flights::{FLIGHT_S, START_RATE_RAD_S, STARTS_RAD};
 use super::{Flying, since, told};
-use crate::flight::vehicle::VehicleKind;
-use design::control_law;
+use design::vehicle::VehicleKind;
 use flights::requirements;
 use report::campaign::carry_out;
 use report::distribution::Distribution;
@@ -180,7 +179,7 @@ impl Flying<'_> {
         let runs = carry_out(what, boots, None, |boot| {
             let ready = prepare(self.image, &boot.setup, &mut |_| ())?;
             let runs = boot.starts.iter().map(|start| {
-                let release = start.release(self.options.vehicle);
+                let release = start.release(self.vehicle.kind);
                 let record = ready.fly_from(&release, FLIGHT_S, &mut |_| ());
                 let record = record.with_context(|| {
                     let ([pitch, roll], seed) = (release.tilt_rad, boot.seed);
@@ -201,7 +200,7 @@ impl Flying<'_> {
     /// What all campaigns of drones begin with.
     fn named(&self) -> [Figure; 3] {
         [
-            figure("vehicle", self.options.vehicle.name()),
+            figure("vehicle", self.vehicle.kind.name()),
             figure("servo", self.options.servo.name()),
             figure("seed", self.options.seed),
         ]
@@ -337,10 +336,10 @@ impl Flying<'_> {
     /// and the page.
     pub(super) fn dispersed(&self, count: u32) -> Result<(Figures, String)> {
         let Self { options, .. } = self;
-        let nominal = control_law::setup(options.servo, options.drone.as_deref())?;
+        let nominal = self.vehicle.setup;
         let campaign = Campaign::new(options.seed, count.into());
         let campaign = Campaign { ranges: Ranges::WIDE, ..campaign };
-        let is_joint = options.vehicle != VehicleKind::Drone;
+        let is_joint = self.vehicle.kind != VehicleKind::Drone;
         let sizes = self.sizes(if is_joint { JOINT_STARTS_RAD } else { STARTS_RAD });
         let boots = campaign.indices().map(|index| {
             let draw = campaign.draw(index);
@@ -374,7 +373,7 @@ impl Flying<'_> {
             settling.figure("settling_5pct_s", ("5 % settling", "s", 3), [None; 2]),
             data("runs", &runs),
         ]);
-        let (vehicle, servo) = (options.vehicle.name(), options.servo.name());
+        let (vehicle, servo) = (self.vehicle.kind.name(), options.servo.name());
         let title =
             format!("{count} dispersed vehicles on the virtual rig: {vehicle}, servo {servo}");
         let words = "Thrust and inertia of each vehicle differ by up to 30 % from what its \

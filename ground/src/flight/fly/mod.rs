@@ -19,11 +19,12 @@ use rig::Image;
 use rig::flight::{FlightRecord, Setup};
 use samd21::board::Ticks;
 
-use crate::flight::vehicle::{VehicleKind, store};
+use ::flights::param_file;
 use ::report::exit::{BadInput, Verdict};
 use ::report::measure::Figures;
 use ::report::page::{page, verdicts};
 use design::control_law;
+use design::vehicle::{Vehicle, VehicleKind, store};
 pub use options::{Fly, start_angle};
 
 /// Flies as `options` say, prints the figures and writes the report.
@@ -32,20 +33,21 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     // An unreadable recording is reported before minutes of building.
     let recording = options.recording.as_deref().map(recording::open).transpose()?;
     let scenario = faults::read(options.faults.as_deref(), options.seed, flights::FLIGHT_S)?;
-    if options.vehicle == Rocket {
+    let vehicle = options.vehicle.read(options.servo)?;
+    if vehicle.kind == Rocket {
         rocket::check(options)?;
     }
-    if options.vcd.is_some() && options.vehicle != Drone {
+    if options.vcd.is_some() && vehicle.kind != Drone {
         bail!(BadInput::new("--vcd is for --vehicle drone"));
     }
-    let mut setup = setup(options)?;
+    let mut setup = setup(options, &vehicle)?;
     let image = options.image.image()?;
     setup.rig.bench.faults = scenario.faults;
     setup.rig.bench.waves = options.vcd.is_some();
     setup.rig.bench.disturbances = options.disturb.over(scenario.disturbances);
-    let flying = Flying { image: &image, setup: &setup, options };
+    let flying = Flying { image: &image, setup: &setup, options, vehicle: &vehicle };
     let [seeds, dispersed] = [options.seeds, options.dispersed].map(|n| n.map(NonZeroU32::get));
-    let (figures, page) = match (options.vehicle, dispersed, seeds) {
+    let (figures, page) = match (vehicle.kind, dispersed, seeds) {
         (Rocket, Some(count), _) => flying.dispersed_rockets(count)?,
         (Rocket, None, seeds) => flying.rockets(seeds.unwrap_or(1))?,
         (Drone | Drone2, Some(count), _) => flying.dispersed(count)?,
@@ -59,10 +61,13 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     figures.conclude(options.json, Some((&options.report, page)))
 }
 
-fn setup(options: &Fly) -> Result<Setup> {
+fn setup(options: &Fly, vehicle: &Vehicle) -> Result<Setup> {
     let mut setup =
         Setup { gains: options.gains, ..Setup::with_polarity(options.servo, options.seed) };
-    if let Some(path) = &options.params {
+    if let (VehicleKind::Rocket, Some(path)) = (vehicle.kind, &options.params) {
+        let rows = param_file::read(path)?.rows.into_iter();
+        setup.parameters = rows.map(|row| (row.name, row.value)).collect();
+    } else if let Some(path) = &options.params {
         let own = control_law::parameters(options.servo, None)?;
         let wanted = control_law::parameters(options.servo, Some(path))?;
         let changed = own.iter().zip(wanted.iter());
@@ -75,10 +80,7 @@ fn setup(options: &Fly) -> Result<Setup> {
         let stored = setup.rig.stored.get_or_insert_default();
         store(stored, &[("FUSE_FILTER".to_owned(), filter.value())])?;
     }
-    options.vehicle.hang(&mut setup.rig)?;
-    let physics = control_law::setup(options.servo, options.drone.as_deref())?;
-    setup.rig.bench.parameters = physics.drone;
-    setup.rig.bench.servo = physics.servo;
+    vehicle.hang(&mut setup.rig)?;
     setup.rig.hardware = options.hardware.hardware()?;
     Ok(setup)
 }
@@ -88,6 +90,7 @@ struct Flying<'a> {
     image: &'a Image,
     setup: &'a Setup,
     options: &'a Fly,
+    vehicle: &'a Vehicle,
 }
 
 impl Flying<'_> {

@@ -2,11 +2,11 @@
 
 use crate::flight::disturb::Disturb;
 use crate::flight::hardware::HardwareChoice;
-use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
 use ::rig::ServoKind;
 use ::rig::flight::Gains;
 use clap::Args;
+use design::vehicle::VehicleChoice;
 use report::kind;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -26,7 +26,7 @@ Examples:
   tvc fly --vehicle drone2 --seeds 12    two rudders: pitch and roll, with and without spin
   tvc fly --vehicle drone2 --dispersed 500   vehicles that are not as their parameters say
   tvc fly --vehicle rocket --seeds 12    a rocket through its burn: schedule, constant gains, cascade
-  tvc fly --drone heavy.toml             another drone, another servo
+  tvc fly --vehicle heavy.toml           another drone, another servo; or another rocket
   tvc fly --json > flight.json           figures for a script, nothing else on standard output
   tvc fly --vibration 5,180 --servo-supply 5.5 --thrust-ramp 80,0.5
                                          an unbalanced propeller, a weak battery, a slow motor
@@ -40,15 +40,14 @@ pub struct Fly {
     #[arg(long, value_enum, default_value_t = ServoKind::S3003, hide_possible_values = true)]
     pub servo: ServoKind,
 
-    /// Vehicle: drone (one rudder), drone2 (two) or rocket.
+    /// Vehicle: drone (one rudder), drone2 (two), rocket, or a file (docs/guides/vehicles.md).
     #[arg(
         long,
-        value_enum,
-        default_value_t,
-        conflicts_with = "recording",
-        hide_possible_values = true
+        value_name = "NAME|FILE.toml",
+        default_value = "drone",
+        conflicts_with = "recording"
     )]
-    pub vehicle: VehicleKind,
+    pub vehicle: VehicleChoice,
 
     /// Seed of sensor noise and bias, and of clock phases.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -78,12 +77,8 @@ pub struct Fly {
     #[arg(long, value_name = "NAME", conflicts_with = "params", value_parser = filter)]
     pub filter: Option<FilterKind>,
 
-    /// Drone and servo, as `tvc identify` writes them (docs/explanation/model.md).
-    #[arg(long, value_name = "FILE.toml")]
-    pub drone: Option<PathBuf>,
-
     /// Play a recording through the emulated BNO055 and score the attitude.
-    #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "params", "drone", "Disturb"])]
+    #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "params", "Disturb"])]
     pub recording: Option<PathBuf>,
 
     /// Faults and disturbances by time (docs/reference/faults.md).

@@ -3,22 +3,22 @@
 
 use anyhow::{Context, Result, bail};
 use maud::Markup;
-use rig::bench::{RocketConfig, SHAFT_PER_GIMBAL, VehicleConfig, ZERO_RUDDER_US};
+use rig::bench::{RocketConfig, VehicleConfig, ZERO_RUDDER_US};
 use rig::flight::FlightRecord;
 use rig::ground_truth::Pulse;
-use rig::rocket::{self, Airframe, RocketLaw};
+use rig::rocket::{self, Airframe, Conditions, RocketLaw};
 use rig::{ServoKind, prepare};
 use samd21::board::Ticks;
 use serde::Serialize;
 
 use super::{Flying, since, told};
 use crate::flight::fly::Fly;
-use crate::flight::vehicle::store;
+use design::vehicle::{VehicleChoice, store};
 use flights::requirements;
 use report::campaign::carry_out;
 use report::distribution::Distribution;
 use report::exit::BadInput;
-use report::measure::{Figure, Figures, data, figure, rows};
+use report::measure::{Figure, Figures, Limit, data, figure, rows};
 use report::page::figure as picture;
 use report::plot::{Line, Plot};
 
@@ -26,39 +26,41 @@ use report::plot::{Line, Plot};
 const COUNTDOWN_S: f64 = 20.0;
 /// How long a flight is followed behind the end of the burn, s.
 const COAST_S: f64 = 2.0;
-/// The first part of the control, which is not counted, s.
+/// The first part of the control, which is not counted, s, and a share of the burn at most.
 const LEFT_OUT_S: f64 = 2.0;
+const LEFT_OUT: f64 = 0.25;
 /// After the burn the pulses are neutral within this, s.
 const NEUTRAL_S: f64 = 0.5;
 /// From point to point of what is drawn, ms.
 const DRAWN_EVERY: usize = 50;
-const RAIL_TILT_DEG: f64 = rocket::RAIL_TILT_RAD * 180.0 / std::f64::consts::PI;
-const MISALIGNMENT_DEG: f64 = rocket::MISALIGNMENT_RAD * 180.0 / std::f64::consts::PI;
 
 /// What steers a flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Case {
-    airframe: Airframe,
+struct Case<'a> {
+    airframe: &'a Airframe,
     law: RocketLaw,
     /// The accelerometer stays in the estimate.
     accelerometer: bool,
 }
 
-impl Case {
+impl<'a> Case<'a> {
     /// Without the accelerometer in the estimate.
-    fn new(airframe: Airframe, law: RocketLaw) -> Self {
+    fn new(airframe: &'a Airframe, law: RocketLaw) -> Self {
         Self { airframe, law, accelerometer: false }
     }
 
-    /// All that are flown.
-    fn all() -> Vec<Self> {
-        let laws = |airframe: Airframe| {
-            let constant = RocketLaw::Constant(airframe.constant_gains());
+    /// All that are flown: of rockets that the tool knows, other laws for comparison.
+    fn all(choice: &VehicleChoice, airframes: &'a [Airframe]) -> Vec<Self> {
+        let scheduled = |airframe| Self::new(airframe, RocketLaw::Scheduled);
+        if choice.file().is_some() {
+            return airframes.iter().map(scheduled).collect();
+        }
+        let laws = |airframe: &'a Airframe| {
+            let constant = RocketLaw::Constant(airframe.constant_gains);
             [RocketLaw::Scheduled, constant, RocketLaw::Cascade].map(|law| Self::new(airframe, law))
         };
-        let last =
-            Self { accelerometer: true, ..Self::new(Airframe::Stable, RocketLaw::Scheduled) };
-        Airframe::ALL.into_iter().flat_map(laws).chain([last]).collect()
+        let last = airframes.first().map(|first| Self { accelerometer: true, ..scheduled(first) });
+        airframes.iter().flat_map(laws).chain(last).collect()
     }
 
     fn control(&self) -> &'static str {
@@ -71,7 +73,11 @@ impl Case {
     }
 
     fn name(&self) -> String {
-        format!("{}, {}", self.airframe.name(), self.control())
+        format!("{}, {}", self.airframe.name, self.control())
+    }
+
+    fn gimbal_limit_deg(&self) -> f64 {
+        self.airframe.rocket().gimbal_limit_rad.to_degrees()
     }
 
     /// Whether the flight is held to the requirements: the others are for comparison.
@@ -81,17 +87,17 @@ impl Case {
 }
 
 /// A flight to be flown.
-struct Flight {
+struct Flight<'a> {
     seed: u64,
-    case: Case,
+    case: Case<'a>,
     on_pad: RocketConfig,
 }
 
 /// One flight.
 #[derive(Clone, Debug, Serialize)]
-struct Run {
+struct Run<'a> {
     seed: u64,
-    airframe: &'static str,
+    airframe: &'a str,
     control: &'static str,
     /// Angle of the axis from the vertical, from 2 s after the launch was seen to the burnout.
     error_rms_deg: f64,
@@ -109,7 +115,7 @@ struct Run {
     neutral_after_burnout: bool,
     stayed_active: bool,
     #[serde(skip)]
-    case: Case,
+    case: Case<'a>,
     /// Time, s, and angle, deg.
     #[serde(skip)]
     path: Vec<(f64, f64)>,
@@ -124,53 +130,49 @@ pub fn check(options: &Fly) -> Result<()> {
         ("--servo", options.servo != ServoKind::S3003),
         ("--start", options.start.is_some()),
         ("--gains", options.gains.is_some()),
-        ("--params", options.params.is_some()),
-        ("--drone", options.drone.is_some()),
+        ("--params", options.params.is_some() && options.vehicle.file().is_none()),
     ];
     if let Some((name, _)) = given.into_iter().find(|(_, is_given)| *is_given) {
         bail!(BadInput::new(format!(
-            "{name} is the drone's, and --vehicle rocket has no use for it: its gains and gimbal are \
-             those of `tvc tune --vehicle rocket`"
+            "{name} is the drone's, and a rocket has no use for it: its gains and gimbal are those of \
+             `tvc tune --vehicle rocket`, or of its file"
         )));
     }
     Ok(())
 }
 
 /// What the rocket meets on its way: figures that the page tells in words.
-fn conditions() -> Figure {
-    let [from_m, depth_m] = rocket::GUST_LAYER_M;
-    let [rms_m_s, length_m] = rocket::TURBULENCE;
+fn conditions(met: &Conditions) -> Figure {
     figure(
         "conditions",
         [
-            figure("rail_tilt_deg", RAIL_TILT_DEG),
-            data("kicks_s", &rocket::KICKS_S),
-            figure("kick_rad_s", rocket::KICK_RAD_S),
-            figure("misalignment_deg", MISALIGNMENT_DEG),
-            figure("wind_m_s", rocket::WIND_M_S),
-            figure("gust_m_s", rocket::GUST_M_S),
-            figure("gust_from_m", from_m),
-            figure("gust_depth_m", depth_m),
-            figure("turbulence_rms_m_s", rms_m_s),
-            figure("turbulence_length_m", length_m),
+            figure("rail_tilt_deg", met.rail_tilt_rad.to_degrees()),
+            data("kicks_s", &met.kicks_s),
+            figure("kick_rad_s", met.kick_rad_s),
+            figure("misalignment_deg", met.misalignment_rad.to_degrees()),
+            figure("wind_m_s", met.wind_m_s),
+            figure("gust_m_s", met.gust_m_s),
+            figure("gust_from_m", met.gust_from_m),
+            figure("gust_depth_m", met.gust_depth_m),
+            figure("turbulence_rms_m_s", met.turbulence_m_s),
+            figure("turbulence_length_m", met.turbulence_length_m),
         ],
     )
 }
 
-fn conditions_in_words() -> String {
-    let [first, second, third, last] = rocket::KICKS_S;
-    let [from_m, depth_m] = rocket::GUST_LAYER_M;
-    let [rms_m_s, length_m] = rocket::TURBULENCE;
+fn conditions_in_words(met: &Conditions) -> String {
+    let [first, second, third, last] = met.kicks_s;
+    let Conditions { kick_rad_s, wind_m_s, gust_m_s, gust_from_m, turbulence_m_s, .. } = met;
     format!(
-        "The rail is {RAIL_TILT_DEG:.0} deg off the vertical, the thrust \
-         {MISALIGNMENT_DEG:.0} deg off its axis. Kicks of {} rad/s at {first}, {second}, \
-         {third} and {last} s turn the rocket by some 5 deg. The wind is {} m/s. A gust rises to \
-         {} m/s and fades (1 - cos) from {from_m} to {} m. Turbulence is {rms_m_s} m/s rms in each \
-         direction with a length of {length_m} m. All directions come from the seed.",
-        rocket::KICK_RAD_S,
-        rocket::WIND_M_S,
-        rocket::GUST_M_S,
-        from_m + depth_m,
+        "The rail is {:.1} deg off the vertical, the thrust {:.1} deg off its axis. Kicks of \
+         {kick_rad_s} rad/s come at {first}, {second}, {third} and {last} s. The wind is \
+         {wind_m_s} m/s. A gust rises to {gust_m_s} m/s and fades (1 - cos) from {gust_from_m} to \
+         {} m. Turbulence is {turbulence_m_s} m/s rms in each direction with a length of {} m. All \
+         directions come from the seed.",
+        met.rail_tilt_rad.to_degrees(),
+        met.misalignment_rad.to_degrees(),
+        gust_from_m + met.gust_depth_m,
+        met.turbulence_length_m,
     )
 }
 
@@ -178,10 +180,13 @@ impl Flying<'_> {
     /// Flies `count` rockets that are not as their images were told, with scheduled gains; the
     /// figures and the page.
     pub(super) fn dispersed_rockets(&self, count: u32) -> Result<(Figures, String)> {
-        let flights: Vec<Flight> = self
+        let airframes = &self.vehicle.airframes;
+        let met = &airframes[0].conditions;
+        let flights: Vec<Flight<'_>> = self
             .seeded(count)
             .map(|(seed, _)| {
-                let (airframe, on_pad) = rocket::dispersed(seed);
+                let airframe = &airframes[(seed % airframes.len() as u64) as usize];
+                let on_pad = rocket::dispersed(seed, airframe);
                 Flight { seed, case: Case::new(airframe, RocketLaw::Scheduled), on_pad }
             })
             .collect();
@@ -191,28 +196,37 @@ impl Flying<'_> {
         let rms = Distribution::of(runs.iter().map(|run| Some(run.error_rms_deg)));
         let words = "error at most 2 deg rms, in control, neutral behind the burn";
         let figures = Figures::from([
-            figure("vehicle", self.options.vehicle.name()),
+            figure("vehicle", self.vehicle.kind.name()),
             figure("seed", self.options.seed),
             figure("vehicles", count).shown("rockets", "", 0),
             figure("within_pct", within_pct)
                 .shown(words, "%", 2)
                 .limit(requirements::DISPERSED_WITHIN_PCT),
             rms.figure("error_rms_deg", ("error rms", "deg", 2), [None; 2]),
-            conditions(),
+            conditions(met),
             data("runs", &runs),
         ]);
         let title = format!("{count} dispersed rockets on the virtual rig");
         let plot = plot("The error of all rockets over each other.", &runs, |_| true)?;
+        let turns = if airframes.len() > 1 { " Every other airframe is unstable." } else { "" };
         let words = "Each rocket differs from what its image was told: thrust by up to 5 %, \
              inertia by 20 %, propellant by 3 %, the dry centre of mass by 0.3 m. The static margin \
              differs by up to 0.4 diameters, speed and bandwidth of the gimbal by 20 %. Wind, gust, \
-             rail and misalignment are drawn up to the above. Every other airframe is unstable.";
-        Ok(told(&title, &[&conditions_in_words(), words], figures, "", &[plot]))
+             rail and misalignment are drawn up to the above.";
+        Ok(told(
+            &title,
+            &[&conditions_in_words(met), &(words.to_owned() + turns)],
+            figures,
+            "",
+            &[plot],
+        ))
     }
 
     /// Flies all cases with each of `count` seeds; the figures and the page.
     pub(super) fn rockets(&self, count: u32) -> Result<(Figures, String)> {
-        let cases = Case::all();
+        let airframes = &self.vehicle.airframes;
+        let met = &airframes[0].conditions;
+        let cases = Case::all(&self.options.vehicle, airframes);
         let flights = self.seeded(count).flat_map(|(seed, _)| {
             cases.iter().map(move |case| {
                 let on_pad = case.airframe.on_pad(seed);
@@ -225,10 +239,10 @@ impl Flying<'_> {
             summary(*case, &of)
         };
         let figures = Figures::from([
-            figure("vehicle", self.options.vehicle.name()),
+            figure("vehicle", self.vehicle.kind.name()),
             figure("seed", self.options.seed),
             figure("seeds", count),
-            conditions(),
+            conditions(met),
             rows("cases", cases.iter().map(row)),
             data("runs", &runs),
         ]);
@@ -238,15 +252,20 @@ impl Flying<'_> {
         let title = format!("A rocket through its burn on the virtual rig: {flights} flights");
         let words = format!(
             "The error is the true angle of the rocket's axis from the vertical, from \
-             {LEFT_OUT_S} s after the launch was seen to the end of the burn. The image arms on \
-             its pad, sees launch and burnout in the acceleration, and flies on its gyroscope \
-             alone; in the last case the accelerometer corrects the attitude, as it does for a \
-             drone that hangs."
+             {:.1} s after the launch was seen to the end of the burn. The image arms on its pad, \
+             sees launch and burnout in the acceleration, and flies on its gyroscope alone.{}",
+            left_out_s(airframes[0].rocket().burn_s),
+            if cases.iter().any(|case| case.accelerometer) {
+                " In the last case the accelerometer corrects the attitude, as it does for a drone \
+                 that hangs."
+            } else {
+                ""
+            }
         );
-        Ok(told(&title, &[&conditions_in_words(), &words], figures, "cases", &plots))
+        Ok(told(&title, &[&conditions_in_words(met), &words], figures, "cases", &plots))
     }
 
-    fn fly_rockets(&self, what: &str, flights: &[Flight]) -> Result<Vec<Run>> {
+    fn fly_rockets<'a>(&self, what: &str, flights: &[Flight<'a>]) -> Result<Vec<Run<'a>>> {
         carry_out(what, flights, None, |flight| {
             let Flight { seed, case, .. } = flight;
             let run = self.fly_rocket(flight);
@@ -255,7 +274,7 @@ impl Flying<'_> {
     }
 
     /// Boots with the rocket on its pad and flies it once.
-    fn fly_rocket(&self, flight: &Flight) -> Result<Run> {
+    fn fly_rocket<'a>(&self, flight: &Flight<'a>) -> Result<Run<'a>> {
         let Flight { seed, case, on_pad } = flight;
         let mut setup = self.setup(*seed);
         setup.rig.bench.vehicle = VehicleConfig::Rocket(Box::new(on_pad.clone()));
@@ -274,14 +293,14 @@ impl Flying<'_> {
 }
 
 /// The row of a case.
-fn summary(case: Case, runs: &[&Run]) -> [Figure; 9] {
-    let over = |of: fn(&Run) -> Option<f64>| Distribution::of(runs.iter().map(|run| of(run)));
+fn summary(case: Case<'_>, runs: &[&Run<'_>]) -> [Figure; 9] {
+    let over = |of: fn(&Run<'_>) -> Option<f64>| Distribution::of(runs.iter().map(|run| of(run)));
     let rms = over(|run| Some(run.error_rms_deg));
     let sd = over(|run| run.tilt_sd_deg.map(f64::from));
     let worst =
         |key, of, label, decimals| figure(key, over(of).worst).shown(label, "deg", decimals);
     let held = |limit| case.is_held().then_some(limit);
-    let all = |key, is_one: fn(&Run) -> bool, label| {
+    let all = |key, is_one: fn(&Run<'_>) -> bool, label| {
         let all = figure(key, runs.iter().all(|run| is_one(run)));
         all.shown(label, "", 0).limit(held(requirements::IN_CONTROL))
     };
@@ -296,13 +315,13 @@ fn summary(case: Case, runs: &[&Run]) -> [Figure; 9] {
             .shown("tilt_sd", "deg", 1)
             .or("-"),
         worst("gimbal_max_deg", |run| Some(run.gimbal_max_deg), "gimbal", 2)
-            .limit(held(requirements::GIMBAL_DEG)),
+            .limit(held(Limit::AtMost(case.gimbal_limit_deg() + 1e-6))),
         all("in_control", |run| run.is_in_control(), "in control, pulses within limits"),
         all("neutral_after_burnout", |run| run.neutral_after_burnout, "neutral after burnout"),
     ]
 }
 
-impl Run {
+impl<'a> Run<'a> {
     /// Whether it does what is required of a flight.
     fn is_within(&self) -> bool {
         self.error_rms_deg <= requirements::ASCENT_ERROR_MOST_DEG
@@ -314,7 +333,7 @@ impl Run {
         self.stayed_active && self.pulses_within_limits
     }
 
-    fn of(record: &FlightRecord, burn_s: f64, seed: u64, case: Case) -> Self {
+    fn of(record: &FlightRecord, burn_s: f64, seed: u64, case: Case<'a>) -> Self {
         let seconds = |at: Ticks| since(record, at);
         let angle_deg = |tilt: [f64; 2]| tilt[0].hypot(tilt[1]).to_degrees();
         let path: Vec<(f64, f64)> =
@@ -327,7 +346,7 @@ impl Run {
         };
         let launch_seen_s = active(true, 0.0).map(|(at_s, _)| at_s);
         let end_seen_s = active(false, launch_seen_s.unwrap_or(0.0)).map(|(at_s, _)| at_s);
-        let from_s = launch_seen_s.unwrap_or(0.0) + LEFT_OUT_S;
+        let from_s = launch_seen_s.unwrap_or(0.0) + left_out_s(burn_s);
         // Afterwards the accelerometer is believed again.
         let ended = |at: Ticks| end_seen_s.is_some_and(|end_s| seconds(at) >= end_s);
         let mut told = record.received.tilt_sd_deg.iter().rev();
@@ -340,10 +359,11 @@ impl Run {
         let mut believed = believed.skip_while(|attitude| seconds(attitude.at) > burn_s);
         let pulses = || record.pulses.iter().chain(&record.roll_pulses);
         let limit_us = |pulse: &Pulse| (pulse.width_us() - ZERO_RUDDER_US).abs();
-        let shaft_us = 10.0 * SHAFT_PER_GIMBAL * requirements::GIMBAL_LIMIT_DEG + 1.0;
+        let per_gimbal = case.airframe.mounting.shaft_per_gimbal;
+        let shaft_us = 10.0 * per_gimbal * case.gimbal_limit_deg() + 1.0;
         Self {
             seed,
-            airframe: case.airframe.name(),
+            airframe: &case.airframe.name,
             control: case.control(),
             case,
             error_rms_deg: (square / errors.len().max(1) as f64).sqrt(),
@@ -363,13 +383,22 @@ impl Run {
                 .filter(|pulse| seconds(pulse.rise) > burn_s + NEUTRAL_S)
                 .all(|pulse| limit_us(pulse) <= 1.0),
             stayed_active: end_seen_s.is_some_and(|at_s| at_s >= burn_s),
-            path: path.into_iter().step_by(DRAWN_EVERY).collect(),
+            path: path
+                .into_iter()
+                .filter(|(at_s, _)| *at_s <= burn_s + NEUTRAL_S)
+                .step_by(DRAWN_EVERY)
+                .collect(),
         }
     }
 }
 
+/// The first part of the control, which is not counted, s.
+fn left_out_s(burn_s: f64) -> f64 {
+    LEFT_OUT_S.min(LEFT_OUT * burn_s)
+}
+
 /// Flights over each other; those that are not within the requirements have another colour.
-fn plot(caption: &str, runs: &[Run], is_one: impl Fn(&Run) -> bool) -> Result<Markup> {
+fn plot(caption: &str, runs: &[Run<'_>], is_one: impl Fn(&Run<'_>) -> bool) -> Result<Markup> {
     let lines = runs.iter().filter(|run| is_one(run));
     let lines = lines.map(|run| Line::new("", usize::from(!run.is_within()), run.path.clone()));
     let plot = Plot::new("time since ignition, s", "error, deg", lines.collect());

@@ -104,11 +104,11 @@ fn a_flight_with_missed_samples_and_a_failsafe_comes_out_bit_for_bit() {
 /// A rocket with a burn of four seconds: nobody orders its release and the end of its control.
 #[test]
 fn a_rocket_comes_out_bit_for_bit_from_launch_to_burnout() {
-    let mut on_pad = Airframe::Stable.on_pad(3);
+    let mut on_pad = Airframe::stable().on_pad(3);
     on_pad.parameters.rocket.burn_s = 4.0;
     let mut config = RigConfig { stored: Some(RigConfig::polarity_set()), ..RigConfig::default() };
     config.bench.vehicle = VehicleConfig::Rocket(Box::new(on_pad));
-    let parameters = rocket::parameters(Airframe::Stable, RocketLaw::Scheduled);
+    let parameters = rocket::parameters(&Airframe::stable(), RocketLaw::Scheduled);
     for (name, value) in &parameters {
         config.stored.as_mut().unwrap().set(name, *value).unwrap();
     }
