@@ -67,37 +67,25 @@ pub struct Setting {
     pub value: String,
 }
 
-impl fmt::Display for FilterName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Gyro => "gyro",
-            Self::Complementary => "complementary",
-            Self::Mahony => "mahony",
-            Self::Madgwick => "madgwick",
-            Self::Vqf => "vqf",
-            Self::Kalman => "kalman",
-        })
-    }
+/// Shows values by their names on the command line.
+macro_rules! display {
+    ($kind:ident: $($value:ident $name:literal),*) => {
+        impl fmt::Display for $kind {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(match self {
+                    $(Self::$value => $name),*
+                })
+            }
+        }
+    };
 }
 
-impl fmt::Display for Mode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::SixD => "6d",
-            Self::NineD => "9d",
-        })
-    }
+display! {
+    FilterName: Gyro "gyro", Complementary "complementary", Mahony "mahony",
+    Madgwick "madgwick", Vqf "vqf", Kalman "kalman"
 }
-
-impl fmt::Display for Scalar {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::F32 => "f32",
-            Self::F64 => "f64",
-            Self::Fixed => "fixed",
-        })
-    }
-}
+display! { Mode: SixD "6d", NineD "9d" }
+display! { Scalar: F32 "f32", F64 "f64", Fixed "fixed" }
 
 impl fmt::Display for Setting {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -18,82 +18,47 @@ pub(crate) trait Gains: Copy + Default + 'static {
     const PRESETS: &'static [Preset<Self>];
 }
 
+/// Settings by the fields that they set.
+macro_rules! keys {
+    ($($field:ident $(. $inner:ident)?)*) => {
+        [$((
+            concat!(stringify!($field) $(, ".", stringify!($inner))?),
+            |config| &mut config.$field $(. $inner)?,
+        )),*]
+    };
+}
+
+/// Gains with these settings, and with these presets beside the default.
+macro_rules! gains {
+    ($gains:ty: $($field:ident)*; $($preset:ident)*) => {
+        impl Gains for $gains {
+            const KEYS: &'static [Key<Self>] = &keys! { $($field)* };
+            const PRESETS: &'static [Preset<Self>] =
+                &[("default", Self::default), $((stringify!($preset), Self::$preset)),*];
+        }
+    };
+}
+
 impl Gains for () {
     const KEYS: &'static [Key<Self>] = &[];
     const PRESETS: &'static [Preset<Self>] =
         &[("default", Self::default), ("thesis", Self::default)];
 }
 
-impl Gains for ComplementaryGains {
-    const KEYS: &'static [Key<Self>] =
-        &[("acc_tau_s", |gains| &mut gains.acc_tau_s), ("mag_tau_s", |gains| &mut gains.mag_tau_s)];
-    const PRESETS: &'static [Preset<Self>] =
-        &[("default", Self::default), ("thesis", Self::thesis)];
-}
-
-impl Gains for MahonyGains {
-    const KEYS: &'static [Key<Self>] = &[
-        ("acc_per_s", |gains| &mut gains.acc_per_s),
-        ("mag_per_s", |gains| &mut gains.mag_per_s),
-        ("integral_per_s2", |gains| &mut gains.integral_per_s2),
-    ];
-    const PRESETS: &'static [Preset<Self>] =
-        &[("default", Self::default), ("thesis", Self::thesis)];
-}
-
-impl Gains for MadgwickGains {
-    const KEYS: &'static [Key<Self>] = &[("beta_per_s", |gains| &mut gains.beta_per_s)];
-    const PRESETS: &'static [Preset<Self>] =
-        &[("default", Self::default), ("thesis", Self::thesis)];
-}
-
-impl Gains for KalmanGains {
-    const KEYS: &'static [Key<Self>] = &[
-        ("gyr_rad2_s", |gains| &mut gains.gyr_rad2_s),
-        ("gyr_scale_s", |gains| &mut gains.gyr_scale_s),
-        ("bias_rad2_s3", |gains| &mut gains.bias_rad2_s3),
-        ("bias_rad_s", |gains| &mut gains.bias_rad_s),
-        ("acc_rad2_s", |gains| &mut gains.acc_rad2_s),
-        ("mag_rad2_s", |gains| &mut gains.mag_rad2_s),
-    ];
-    const PRESETS: &'static [Preset<Self>] = &[("default", Self::default)];
-}
-
-impl Gains for VqfGains {
-    const KEYS: &'static [Key<Self>] = &[
-        ("acc_tau_s", |gains| &mut gains.acc_tau_s),
-        ("acc_smoothing_s", |gains| &mut gains.acc_smoothing_s),
-        ("mag_tau_s", |gains| &mut gains.mag_tau_s),
-    ];
-    const PRESETS: &'static [Preset<Self>] =
-        &[("default", Self::default), ("published", Self::published), ("offline", Self::offline)];
-}
+gains! { ComplementaryGains: acc_tau_s mag_tau_s; thesis }
+gains! { MahonyGains: acc_per_s mag_per_s integral_per_s2; thesis }
+gains! { MadgwickGains: beta_per_s; thesis }
+gains! { KalmanGains: gyr_rad2_s gyr_scale_s bias_rad2_s3 bias_rad_s acc_rad2_s mag_rad2_s; }
+gains! { VqfGains: acc_tau_s acc_smoothing_s mag_tau_s; published offline }
 
 /// The settings that all filters share.
 fn shared<G>() -> [Key<Config<G>>; 21] {
-    [
-        ("acc_gate", |config| &mut config.acc_gate),
-        ("gyro_range_rad_s", |config| &mut config.gyro_range_rad_s),
-        ("recovery_rad2_s", |config| &mut config.recovery_rad2_s),
-        ("gap_s", |config| &mut config.gap_s),
-        ("start_up_s", |config| &mut config.start_up_s),
-        ("gyr_lag_s", |config| &mut config.gyr_lag_s),
-        ("acc_lag_s", |config| &mut config.acc_lag_s),
-        ("mag_lag_s", |config| &mut config.mag_lag_s),
-        ("mag_lag_prior_rad2_s", |config| &mut config.mag_lag_prior_rad2_s),
-        ("declination_rad", |config| &mut config.declination_rad),
-        ("rest.rate_rad_s", |config| &mut config.rest.rate_rad_s),
-        ("rest.acc_m_s2", |config| &mut config.rest.acc_m_s2),
-        ("rest.time_s", |config| &mut config.rest.time_s),
-        ("rest.max_bias_rad_s", |config| &mut config.rest.max_bias_rad_s),
-        ("rest.tau_s", |config| &mut config.rest.tau_s),
-        ("rest.motion_tilt_rad", |config| &mut config.rest.motion_tilt_rad),
-        ("field.gate", |config| &mut config.field.gate),
-        ("field.tau_s", |config| &mut config.field.tau_s),
-        ("field.adopt_s", |config| &mut config.field.adopt_s),
-        ("field.adopt_rate_rad_s", |config| &mut config.field.adopt_rate_rad_s),
-        ("field.reject_s", |config| &mut config.field.reject_s),
-    ]
+    keys! {
+        acc_gate gyro_range_rad_s recovery_rad2_s gap_s start_up_s
+        gyr_lag_s acc_lag_s mag_lag_s mag_lag_prior_rad2_s declination_rad
+        rest.rate_rad_s rest.acc_m_s2 rest.time_s rest.max_bias_rad_s rest.tau_s rest.motion_tilt_rad
+        field.gate field.tau_s field.adopt_s field.adopt_rate_rad_s field.reject_s
+    }
 }
 
 /// The configuration that `settings` make of the defaults. Presets come first, wherever they stand.
