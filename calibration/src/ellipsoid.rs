@@ -13,7 +13,6 @@
 use std::ops::RangeInclusive;
 
 use nalgebra::{Matrix3, Matrix4, Rotation3, SMatrix, SVector, Vector3, Vector4};
-use thiserror::Error;
 
 use crate::coverage::{Coverage, extent};
 use crate::{Correction, spread};
@@ -53,82 +52,27 @@ pub struct Ellipsoid {
     pub coverage: Coverage,
 }
 
-/// Why the readings are refused.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-pub enum EllipsoidError {
-    /// Too few.
-    #[error("{count} magnetometer readings are too few, {FEWEST} are needed: turn it for a minute")]
-    Few {
-        /// How many different ones.
-        count: usize,
-    },
-    /// Too little of the sphere.
-    #[error(
-        "the magnetometer has seen {:.0} % of all directions, {:.0} % are needed: \
-         turn it slowly about every axis, upside down too",
-        .share * 100.0,
-        LEAST_COVERAGE * 100.0
-    )]
-    Coverage {
-        /// Share, 0 to 1.
-        share: f64,
-    },
-    /// No ellipsoid fits them.
-    #[error(
-        "the magnetometer's readings lie on no ellipsoid: \
-         too few directions, or iron or currents that move"
-    )]
-    NoEllipsoid,
-    /// One does, but badly.
-    #[error(
-        "the magnetometer's readings lie {:.1} % off any ellipsoid, {:.0} % may be: \
-         iron or currents move beside it",
-        .share * 100.0,
-        LARGEST_RESIDUAL * 100.0
-    )]
-    Residual {
-        /// Root mean square deviation, share of the strength.
-        share: f64,
-    },
-    /// It is longer one way than iron nearby makes it.
-    #[error(
-        "the field is {ratio:.1} times stronger one way than another, {LARGEST_RATIO} may be: \
-         take iron away from the sensor"
-    )]
-    Distorted {
-        /// Ratio of its axes.
-        ratio: f64,
-    },
-    /// The field is not the earth's.
-    #[error(
-        "a field of {ut:.0} uT is not the earth's ({:.0} to {:.0} uT): move away from magnets",
-        EARTH_UT.start(),
-        EARTH_UT.end()
-    )]
-    Strength {
-        /// Its strength, uT.
-        ut: f64,
-    },
-}
-
 /// Hard and soft iron out of readings, uT, each of which is a measurement of its own (no repeats).
 ///
 /// # Errors
-/// [`EllipsoidError`], where the readings do not determine them.
-pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
+/// Why the readings do not determine them.
+pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, String> {
+    const NO_ELLIPSOID: &str = "the magnetometer's readings lie on no ellipsoid: \
+                                too few directions, or iron or currents that move";
     if readings.len() < FEWEST {
-        return Err(EllipsoidError::Few { count: readings.len() });
+        let count = readings.len();
+        return Err(format!(
+            "{count} magnetometer readings are too few, {FEWEST} are needed: turn it for a minute"
+        ));
     }
     // A reading far from all others would bend the first fit.
-    let (mean, deviation_ut) = spread(readings.iter()).ok_or(EllipsoidError::NoEllipsoid)?;
+    let (mean, deviation_ut) = spread(readings.iter()).ok_or(NO_ELLIPSOID)?;
     let sane = |m: &Vector3<f64>| (m - mean).norm() <= OUTLIER * deviation_ut.norm();
-    let refuse = |why: EllipsoidError| {
+    let Some((mut correction, mut strength)) = sphere(readings, sane) else {
         // The usual cause is that it was not turned enough, and a person can do better.
-        let share = Coverage::about_middle(readings.iter().filter(|m| sane(m))).share();
-        if share < LEAST_COVERAGE { EllipsoidError::Coverage { share } } else { why }
+        must_cover(&Coverage::about_middle(readings.iter().filter(|m| sane(m))))?;
+        return Err(NO_ELLIPSOID.to_owned());
     };
-    let (mut correction, mut strength) =
-        sphere(readings, sane).ok_or_else(|| refuse(EllipsoidError::NoEllipsoid))?;
     let first = correction.deviation(readings.iter().filter(|m| sane(m)), strength);
     let rough = (correction, strength);
     let near = |m: &Vector3<f64>| {
@@ -141,19 +85,29 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
     let residual = correction.deviation(used.clone(), strength);
     let coverage: Coverage = used.clone().map(|reading| correction.apply(reading)).collect();
     let used = used.count();
-    if coverage.share() < LEAST_COVERAGE {
-        return Err(EllipsoidError::Coverage { share: coverage.share() });
-    }
+    must_cover(&coverage)?;
     if residual > LARGEST_RESIDUAL * strength {
-        return Err(EllipsoidError::Residual { share: residual / strength });
+        return Err(format!(
+            "the magnetometer's readings lie {:.1} % off any ellipsoid, {:.0} % may be: iron or \
+             currents move beside it",
+            residual / strength * 100.0,
+            LARGEST_RESIDUAL * 100.0
+        ));
     }
     let axes = correction.matrix.symmetric_eigenvalues();
     let ratio = axes.max() / axes.min();
     if ratio > LARGEST_RATIO {
-        return Err(EllipsoidError::Distorted { ratio });
+        return Err(format!(
+            "the field is {ratio:.1} times stronger one way than another, {LARGEST_RATIO} may be: \
+             take iron away from the sensor"
+        ));
     }
     if !EARTH_UT.contains(&strength) {
-        return Err(EllipsoidError::Strength { ut: strength });
+        let (least, most) = (EARTH_UT.start(), EARTH_UT.end());
+        return Err(format!(
+            "a field of {strength:.0} uT is not the earth's ({least:.0} to {most:.0} uT): move away \
+             from magnets"
+        ));
     }
     Ok(Ellipsoid {
         correction,
@@ -163,6 +117,20 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
         outliers: readings.len() - used,
         coverage,
     })
+}
+
+/// Refuses directions that are too little of the sphere.
+fn must_cover(coverage: &Coverage) -> Result<(), String> {
+    let share = coverage.share();
+    if share >= LEAST_COVERAGE {
+        return Ok(());
+    }
+    Err(format!(
+        "the magnetometer has seen {:.0} % of all directions, {:.0} % are needed: turn it slowly \
+         about every axis, upside down too",
+        share * 100.0,
+        LEAST_COVERAGE * 100.0
+    ))
 }
 
 /// Rotates the correction so that the angle between gravity and field is the same in every pose,
@@ -315,7 +283,7 @@ mod tests {
 
     #[test]
     fn poor_readings_are_refused_with_the_reason() {
-        let why = |readings: &[Vector3<f64>]| fit(readings).unwrap_err().to_string();
+        let why = |readings: &[Vector3<f64>]| fit(readings).unwrap_err();
         let all = readings(&turned(0.0));
         assert!(why(&all[..100]).contains("too few"));
         let ring: Vec<_> = (0..400)

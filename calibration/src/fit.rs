@@ -64,8 +64,8 @@ pub struct Found {
 
 impl Found {
     /// What a fit has found; otherwise keeps why not.
-    fn or_refused<T>(&mut self, fitted: Result<T, impl ToString>) -> Option<T> {
-        fitted.map_err(|why| self.refused.push(why.to_string())).ok()
+    fn or_refused<T>(&mut self, fitted: Result<T, String>) -> Option<T> {
+        fitted.map_err(|why| self.refused.push(why)).ok()
     }
 
     /// Correction of the gyroscope.

@@ -7,7 +7,6 @@
 //! directions average the noise.
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
-use thiserror::Error;
 
 use crate::Correction;
 
@@ -20,6 +19,12 @@ const LARGEST_RESIDUAL: f64 = 0.01;
 const LARGEST_OFFSET: f64 = 0.16;
 /// Largest deviation of a scale from one.
 const LARGEST_SCALE: f64 = 0.1;
+
+/// What else a person can do.
+const REMEDY: &str = "rest it on all six faces, two seconds each";
+/// Why poses are refused that agree with an offset or scale that no such sensor has.
+const IMPLAUSIBLE: &str = "the accelerometer's offset or scale comes out larger than such a \
+                           sensor has: the poses are not rests";
 
 /// Least cosine between a reading and the direction of the face that it counts for.
 const FACE_COS: f64 = 0.9;
@@ -90,59 +95,21 @@ pub struct Poses {
     pub count: usize,
 }
 
-/// Why the poses are refused.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-pub enum PosesError {
-    /// Too few.
-    #[error(
-        "{count} poses at rest are too few for the accelerometer: \
-         rest it on all six faces, two seconds each"
-    )]
-    Few {
-        /// How many.
-        count: usize,
-    },
-    /// No pose shows gravity on this end of an axis.
-    #[error(
-        "the accelerometer was never at rest with its {}: \
-         rest it on all six faces, two seconds each",
-        .face.name()
-    )]
-    Missing {
-        /// The pose to add.
-        face: Face,
-    },
-    /// The poses do not agree with any offset and scale.
-    #[error(
-        "the accelerometer's poses contradict each other by {residual:.2} m/s2: \
-         it moved in one of them, or it is broken"
-    )]
-    Residual {
-        /// How far off, m/s2.
-        residual: f64,
-    },
-    /// They agree with an offset or scale that no such sensor has.
-    #[error(
-        "the accelerometer's offset or scale comes out larger than such a sensor has: \
-         the poses are not rests"
-    )]
-    Implausible,
-}
-
 /// Offset and scale out of the mean readings of poses at rest, m/s2; `gravity` in m/s2.
 ///
 /// # Errors
-/// [`PosesError`], where the poses do not determine them.
-pub fn fit(readings: &[Vector3<f64>], gravity: f64) -> Result<Poses, PosesError> {
+/// Why the poses do not determine them.
+pub fn fit(readings: &[Vector3<f64>], gravity: f64) -> Result<Poses, String> {
     let count = readings.len();
     if count < 6 {
-        return Err(PosesError::Few { count });
+        return Err(format!("{count} poses at rest are too few for the accelerometer: {REMEDY}"));
     }
     let least = LEAST_SHARE * gravity;
     for face in Face::ALL {
         let up = face.up();
         if !readings.iter().any(|reading| up.dot(reading) > least) {
-            return Err(PosesError::Missing { face });
+            let face = face.name();
+            return Err(format!("the accelerometer was never at rest with its {face}: {REMEDY}"));
         }
     }
     // In units of gravity, so that the equations are of the same size.
@@ -153,7 +120,7 @@ pub fn fit(readings: &[Vector3<f64>], gravity: f64) -> Result<Poses, PosesError>
         normal += row * row.transpose();
         right += row;
     }
-    let solution = normal.lu().solve(&right).ok_or(PosesError::Implausible)?;
+    let solution = normal.lu().solve(&right).ok_or(IMPLAUSIBLE)?;
     let squares = solution.fixed_rows::<3>(0).into_owned();
     let offset = -solution.fixed_rows::<3>(3).component_div(&squares);
     let k = 1.0 / (1.0 + squares.dot(&offset.component_mul(&offset)));
@@ -161,13 +128,16 @@ pub fn fit(readings: &[Vector3<f64>], gravity: f64) -> Result<Poses, PosesError>
     let plausible =
         offset.amax() <= LARGEST_OFFSET && scale.iter().all(|s| (s - 1.0).abs() <= LARGEST_SCALE);
     if !plausible {
-        return Err(PosesError::Implausible);
+        return Err(IMPLAUSIBLE.to_owned());
     }
     let correction =
         Correction { offset: offset * gravity, matrix: Matrix3::from_diagonal(&scale) };
     let residual = correction.deviation(readings.iter(), gravity);
     if residual > LARGEST_RESIDUAL * gravity {
-        return Err(PosesError::Residual { residual });
+        return Err(format!(
+            "the accelerometer's poses contradict each other by {residual:.2} m/s2: it moved in one of \
+             them, or it is broken"
+        ));
     }
     Ok(Poses {
         correction,
@@ -227,8 +197,7 @@ mod tests {
 
     #[test]
     fn what_does_not_determine_them_is_refused_with_the_pose_to_add() {
-        let why =
-            |readings: &[Vector3<f64>]| fit(readings, STANDARD_GRAVITY).unwrap_err().to_string();
+        let why = |readings: &[Vector3<f64>]| fit(readings, STANDARD_GRAVITY).unwrap_err();
         assert!(why(&six()[..5]).contains("5 poses"));
         for (missing, face) in [(0, "nose up"), (1, "nose down"), (4, "bottom up"), (5, "top up")] {
             let mut readings = six();
