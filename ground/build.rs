@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::{env, fs};
 
-use image_build::{BuildError, Builder, FIRMWARE_SOURCES, Source, Toolchain, build_id};
+use image_build::{BuildError, Builder, FIRMWARE_SOURCES, Source, Toolchain, build_id, sum_of};
 
 /// Folders of what the tool itself is made from, and what it computes with.
 const TOOL_SOURCES: [&str; 10] = [
@@ -49,29 +49,13 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// Tells builds of the same version apart: FNV-1a over the sources of tool and image, 32 bits.
+/// Tells builds of the same version apart: a sum over the sources of tool and image.
 fn tool_build() -> u32 {
-    let mut files = Vec::new();
-    for source in TOOL_SOURCES.into_iter().chain(FIRMWARE_SOURCES) {
-        let path = tree().join(source);
-        println!("cargo::rerun-if-changed={}", path.display());
-        collect(&path, &mut files);
+    let sources = [&TOOL_SOURCES[..], &FIRMWARE_SOURCES].concat();
+    for source in &sources {
+        println!("cargo::rerun-if-changed={}", tree().join(source).display());
     }
-    files.sort();
-    let bytes = files.iter().flat_map(|path| fs::read(path).unwrap_or_default());
-    bytes.fold(0x811C_9DC5, |sum, byte| (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193))
-}
-
-/// The files at or below a path.
-fn collect(path: &Path, files: &mut Vec<PathBuf>) {
-    match fs::read_dir(path) {
-        Ok(inner) => {
-            for entry in inner.flatten() {
-                collect(&entry.path(), files);
-            }
-        }
-        Err(_) => files.push(path.to_owned()),
-    }
+    sum_of(&tree(), &sources).expect("the sources can be read") as u32
 }
 
 /// The tree of sources, in which the crate lies.
@@ -85,8 +69,5 @@ fn tree() -> PathBuf {
 /// installs the tool to decide.
 fn build(folder: &Path) -> Result<PathBuf, BuildError> {
     let tree = tree();
-    for source in FIRMWARE_SOURCES {
-        println!("cargo::rerun-if-changed={}", tree.join(source).display());
-    }
     Builder::new(folder.to_owned(), Toolchain::find(&tree)?).build(&Source::firmware(&tree))
 }

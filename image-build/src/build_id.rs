@@ -14,9 +14,17 @@ pub(crate) const SOURCES: [&str; 5] =
 /// # Errors
 /// A source cannot be read.
 pub fn build_id(tree: &Path) -> io::Result<u64> {
+    sum_of(tree, &SOURCES)
+}
+
+/// The same of other files and folders of a tree.
+///
+/// # Errors
+/// One cannot be read.
+pub fn sum_of(tree: &Path, sources: &[&str]) -> io::Result<u64> {
     let mut files = Vec::new();
-    for folder in SOURCES {
-        collect(&tree.join(folder), &mut files)?;
+    for source in sources {
+        collect(tree.join(source), &mut files)?;
     }
     files.sort();
     let mut id = 0xCBF2_9CE4_8422_2325_u64;
@@ -29,16 +37,13 @@ pub fn build_id(tree: &Path) -> io::Result<u64> {
     Ok(id)
 }
 
-fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
-    for entry in fs::read_dir(folder)? {
-        let path = entry?.path();
-        if path.is_dir() {
-            collect(&path, files)?;
-        } else {
-            files.push(path);
-        }
+/// The files at or below a path.
+fn collect(path: PathBuf, files: &mut Vec<PathBuf>) -> io::Result<()> {
+    if path.is_file() {
+        files.push(path);
+        return Ok(());
     }
-    Ok(())
+    fs::read_dir(path)?.try_for_each(|entry| collect(entry?.path(), files))
 }
 
 #[cfg(test)]

@@ -10,13 +10,12 @@ mod build_id;
 mod seal;
 mod toolchain;
 
-pub use build_id::build_id;
+pub use build_id::{build_id, sum_of};
 pub use seal::SEAL;
 pub use toolchain::Toolchain;
 
 use std::env;
 use std::fmt;
-use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -47,40 +46,14 @@ const FLAGS: &str = "-Cstrip=debuginfo";
 /// would, which takes 1.1 KB less flash for as many cycles.
 const FLIGHT_FLAGS: &str = "\u{1f}-Cllvm-args=-inline-threshold=20";
 
-/// Why there is no image.
+/// Why there is no image: no toolchain here can build for the chip, a program could not be started,
+/// or the build failed.
 #[derive(Debug)]
-pub enum BuildError {
-    /// No Rust toolchain here can build for the chip.
-    Toolchain {
-        /// What was tried and how it ended.
-        reason: String,
-    },
-    /// A program that is needed could not be started.
-    Program {
-        /// The program.
-        program: String,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The build failed.
-    Build {
-        /// What cargo wrote.
-        output: String,
-    },
-}
+pub struct BuildError(String);
 
 impl fmt::Display for BuildError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Toolchain { reason } => write!(
-                f,
-                "no Rust toolchain here can build for the chip ({reason}). Either install it with \
-                 `rustup target add {TARGET}`, or on Debian with \
-                 `apt install rustc-web cargo-web rust-web-src lld`"
-            ),
-            Self::Program { program, source } => write!(f, "cannot run {program}: {source}"),
-            Self::Build { output } => write!(f, "the image does not build:\n{output}"),
-        }
+        f.write_str(&self.0)
     }
 }
 
@@ -129,7 +102,7 @@ impl Builder {
     /// progress for a person.
     ///
     /// # Errors
-    /// [`BuildError::Toolchain`].
+    /// No toolchain.
     pub fn in_tree(tree: &Path, say: &mut dyn FnMut(&str)) -> Result<Self, BuildError> {
         let target = match env::var_os("CARGO_TARGET_DIR") {
             Some(folder) => std::path::absolute(&folder).unwrap_or_else(|_| folder.into()),
@@ -152,18 +125,15 @@ impl Builder {
     /// Builds an image, writes its sums into it, and gives the path of its ELF file.
     ///
     /// # Errors
-    /// [`BuildError::Program`], [`BuildError::Build`].
+    /// Cargo could not be started, or the build failed.
     pub fn build(&self, source: &Source<'_>) -> Result<PathBuf, BuildError> {
+        let failed = |why: &str| BuildError(format!("the image does not build:\n{why}"));
         let output = run(&mut self.command(source))?;
         if !output.status.success() {
-            return Err(BuildError::Build {
-                output: String::from_utf8_lossy(&output.stderr).trim().to_owned(),
-            });
+            return Err(failed(String::from_utf8_lossy(&output.stderr).trim()));
         }
         let path = self.path(source);
-        seal::seal(&path).map_err(|error| BuildError::Build {
-            output: format!("{}: {error}", path.display()),
-        })?;
+        seal::seal(&path).map_err(|error| failed(&format!("{}: {error}", path.display())))?;
         Ok(path)
     }
 
@@ -188,9 +158,9 @@ impl Builder {
 }
 
 fn run(command: &mut Command) -> Result<Output, BuildError> {
-    command.output().map_err(|source| BuildError::Program {
-        program: command.get_program().to_string_lossy().into_owned(),
-        source,
+    command.output().map_err(|error| {
+        let program = command.get_program().to_string_lossy();
+        BuildError(format!("cannot run {program}: {error}"))
     })
 }
 

@@ -24,7 +24,7 @@ impl Toolchain {
     /// Finds one for a source tree, and changes nothing on this machine.
     ///
     /// # Errors
-    /// [`BuildError::Toolchain`], which says how to install one.
+    /// There is none; the error says how to install one.
     pub fn find(tree: &Path) -> Result<Self, BuildError> {
         if has_target(tree) {
             return Ok(Self::Ready);
@@ -36,7 +36,7 @@ impl Toolchain {
     /// for a person.
     ///
     /// # Errors
-    /// [`BuildError::Toolchain`], which says how to install one.
+    /// There is none; the error says how to install one.
     pub fn find_or_add(tree: &Path, say: &mut dyn FnMut(&str)) -> Result<Self, BuildError> {
         if has_target(tree) {
             return Ok(Self::Ready);
@@ -62,9 +62,11 @@ impl Toolchain {
         if Path::new(DEBIAN_CARGO).exists() && has_core_sources() {
             return Ok(Self::Debian);
         }
-        Err(BuildError::Toolchain {
-            reason: format!("{reason}; Debian's compiler with the sources of core is not there"),
-        })
+        Err(BuildError(format!(
+            "no Rust toolchain here can build for the chip ({reason}; Debian's compiler with the \
+             sources of core is not there). Either install it with `rustup target add {TARGET}`, or \
+             on Debian with `apt install rustc-web cargo-web rust-web-src lld`"
+        )))
     }
 
     /// `cargo build` of this toolchain, the rest of its arguments still to come.
