@@ -17,6 +17,11 @@ pub fn print_json(value: &impl Serialize) -> Result<()> {
     print(format_args!("{}\n", serde_json::to_string(value)?))
 }
 
+/// As [`print_json`], where it is wanted.
+pub fn print_json_if(wanted: bool, value: &impl Serialize) -> Result<()> {
+    if wanted { print_json(value) } else { Ok(()) }
+}
+
 /// Prints `text`, which ends its own lines, on standard output, where whoever waits for it has it
 /// at once.
 ///

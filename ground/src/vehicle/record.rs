@@ -17,7 +17,7 @@ use crate::vehicle::recorder;
 use flights::log::{Event, Flight, write_csv, write_flight};
 use report::arguments::seconds;
 use report::exit::{BadInput, Verdict};
-use report::file::print_json;
+use report::file::print_json_if;
 use report::kind;
 use report::progress::spinner;
 
@@ -94,9 +94,8 @@ pub fn run(options: &Record) -> Result<Verdict> {
     vehicle.link().end_log()?;
     let flight = Flight::read(&options.log)?;
     let (steps, missed, lost) = (flight.steps().count(), flight.missed(), flight.lost());
-    if options.vehicle.json {
-        print_json(&json!({ "steps": steps, "missed": missed, "lost": lost }))?;
-    }
+    let json = json!({ "steps": steps, "missed": missed, "lost": lost });
+    print_json_if(options.vehicle.json, &json)?;
     eprintln!(
         "wrote {}: {steps} control steps, {missed} samples missed, {lost} frames lost",
         options.log.display()
@@ -129,9 +128,8 @@ fn fetch(options: &Record) -> Result<Verdict> {
         .take_while(|event| !matches!(event, Event::State(code) if state_of(*code) == Some(StateKind::Active)))
         .filter(|event| matches!(event, Event::Step(_)))
         .count();
-    if options.vehicle.json {
-        print_json(&json!({ "steps": steps, "before_release": before, "missed": missed }))?;
-    }
+    let json = json!({ "steps": steps, "before_release": before, "missed": missed });
+    print_json_if(options.vehicle.json, &json)?;
     eprintln!(
         "wrote {}: {steps} control steps, {before} of them before the release, {missed} without a sample",
         options.log.display()

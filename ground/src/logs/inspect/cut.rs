@@ -15,7 +15,7 @@ use super::info::releases;
 use crate::cli::TOOL;
 use flights::log::{self, Frames, Log, Writer};
 use report::exit::{BadInput, Verdict};
-use report::file::print_json;
+use report::file::print_json_if;
 
 /// How much before and after a release is written with it, s.
 const AROUND_S: f64 = 2.0;
@@ -61,9 +61,7 @@ pub fn write(
     }
     writer.end()?;
     let (messages, seconds) = (frames.len(), Log::read(path)?.length_s());
-    if json {
-        print_json(&json!({ "messages": messages, "seconds": seconds }))?;
-    }
+    print_json_if(json, &json!({ "messages": messages, "seconds": seconds }))?;
     eprintln!("wrote {}: {messages} messages, {seconds:.1} s", path.display());
     Ok(Verdict::Met)
 }

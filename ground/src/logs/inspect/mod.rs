@@ -13,7 +13,7 @@ use crate::cli::TOOL;
 use flights::log::{self, Content};
 use report::arguments::number;
 use report::exit::Verdict;
-use report::file::print_json;
+use report::file::print_json_if;
 use report::kind;
 
 /// Options of `tvc log`.
@@ -140,9 +140,7 @@ pub fn run(options: &LogCommand) -> Result<Verdict> {
 /// Writes the log in the form that the name of `file` says.
 fn convert(log: &Path, file: &Path, json: bool) -> Result<Verdict> {
     let written = log::convert(log, file, TOOL)?;
-    if json {
-        print_json(&written)?;
-    }
+    print_json_if(json, &written)?;
     let (count, what) = match written {
         Content::Messages(count) => (count, "messages"),
         Content::Steps(count) => (count, "control steps"),

@@ -15,7 +15,7 @@ use super::person::{Ending, Question};
 use super::session::Session;
 use super::{declination, readings};
 use report::exit::Verdict;
-use report::file::{print_json, write_whole};
+use report::file::{print_json_if, write_whole};
 use report::measure::{Figures, figure};
 
 /// Length of the tombstone test, s.
@@ -53,9 +53,7 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     if ending.met && !session.is_polarity_checked()? {
         eprintln!("next: tvc calibrate servo, then polarity, without which nothing is armed");
     }
-    if options.vehicle.json {
-        print_json(&figures)?;
-    }
+    print_json_if(options.vehicle.json, &figures)?;
     written?;
     Ok(Verdict::of(!ending.refused))
 }
@@ -144,12 +142,11 @@ fn lead(session: &mut Session, wanted: &Wanted) -> Result<Refused> {
 /// Asks for the declination, as degrees or as a place.
 fn ask_declination(session: &mut Session) -> Result<Option<f64>> {
     loop {
+        let words = "Magnetic declination in deg, or latitude,longitude";
+        let keys = "(Enter: leave it as it is):";
         let question = Question {
-            words: "Magnetic declination in deg, or latitude,longitude".to_owned(),
-            keys: "(Enter: leave it as it is):",
-            buttons: &[("Leave it as it is", "")],
             entry: Some("deg, or latitude,longitude"),
-            again: false,
+            ..Question::new(words, keys, &[("Leave it as it is", "")])
         };
         let Some(answer) = session.question(&question, &mut |_| Ok(()))? else {
             return Ok(None);
@@ -234,7 +231,7 @@ fn pose(session: &mut Session, wanted: &Wanted) -> Result<Refused> {
         if session.now_s() - news_s > PATIENCE_S {
             let missing = poses::fit(&forces, wanted.gravity).err();
             let words = format!("the sensor was never at rest {}", next.name());
-            return Ok(Some(missing.map_or(words, |missing| missing.to_string())));
+            return Ok(Some(missing.unwrap_or(words)));
         }
     }
 }
@@ -267,7 +264,7 @@ fn turn(session: &mut Session, _: &Wanted) -> Result<Refused> {
         session.person.progress(share, &words, Some(&coverage));
         if elapsed_s > TURN_PATIENCE_S {
             let words = "the magnetometer gave too few readings";
-            return Ok(Some(fitted.err().map_or(words.into(), |why| why.to_string())));
+            return Ok(Some(fitted.err().unwrap_or(words.into())));
         }
     }
 }
@@ -276,13 +273,8 @@ fn turn(session: &mut Session, _: &Wanted) -> Result<Refused> {
 fn level(session: &mut Session, _: &Wanted) -> Result<Refused> {
     session.ask(Prompt::Level, "4/4  Mount the sensor, stand the body level, and leave it.")?;
     if session.is_attended() {
-        let question = Question {
-            words: "Is it mounted, and does the body stand level?".to_owned(),
-            keys: "Enter when it does:",
-            buttons: &[("It stands level", "")],
-            entry: None,
-            again: false,
-        };
+        let words = "Is it mounted, and does the body stand level?";
+        let question = Question::new(words, "Enter when it does:", &[("It stands level", "")]);
         session.question(&question, &mut |_| Ok(()))?;
     }
     let (begun_s, begun) = (session.now_s(), session.samples().len());

@@ -16,12 +16,9 @@ use nalgebra::Vector3;
 use tvc_nano::Params;
 use tvc_nano::telemetry::CRANKS;
 
-use super::options::Calibrate;
 use super::person::Ending;
-use super::session::{Session, UNCHANGED, verdict};
+use super::session::{Session, UNCHANGED};
 use crate::vehicle::test::arm;
-use report::exit::Verdict;
-use report::file::print_json;
 use report::measure::{Figures, data, figure};
 
 const NAME: &str = "SRV_HOLD_DEG";
@@ -31,19 +28,6 @@ const SETTLE: Duration = Duration::from_secs(3);
 const STEADY_DEG: f64 = 2.0;
 /// Fewest control steps for a measurement.
 const FEWEST: usize = 100;
-
-/// Measures the vehicle at a port.
-///
-/// # Errors
-/// The vehicle refuses a command or goes to failsafe, or Ctrl-C was pressed.
-pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
-    let mut session = Session::connect(options)?;
-    let (figures, ending) = measure(&mut session, seconds)?;
-    if options.vehicle.json {
-        print_json(&figures)?;
-    }
-    Ok(verdict(&ending))
-}
 
 /// Flies, measures for `seconds`, disarms, and writes the angle, if the person agrees.
 ///

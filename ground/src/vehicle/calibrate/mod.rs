@@ -21,10 +21,13 @@ use anyhow::Result;
 use calibration::fit;
 
 use ::report::exit::Verdict;
-use ::report::measure::figure;
+use ::report::file::print_json_if;
+use ::report::measure::{Figures, figure};
 pub use options::{Calibrate, place};
 use options::{Files, SetUp};
 use outcome::Outcome;
+use person::Ending;
+use session::Session;
 
 /// Calibrates as `options` say, prints the figures, writes the parameters and the report.
 ///
@@ -33,8 +36,16 @@ use outcome::Outcome;
 pub fn run(options: &Calibrate) -> Result<Verdict> {
     match (&options.step, &options.from) {
         (Some(SetUp::Servo(servo)), _) => servo::run(servo, options),
-        (Some(SetUp::Polarity), _) => polarity::run(options),
-        (Some(SetUp::Hold { seconds }), _) => hold::run(*seconds, options),
+        (Some(SetUp::Polarity), _) => lead(options, |session| {
+            let (figures, ending) = polarity::check(session)?;
+            if ending.met {
+                session.say(&ending.words);
+            }
+            Ok((figures, ending))
+        }),
+        (Some(SetUp::Hold { seconds }), _) => {
+            lead(options, |session| hold::measure(session, *seconds))
+        }
         (None, None) => guided::run(options),
         (None, Some(log)) => {
             let declination_deg = declination::asked_deg(options)?;
@@ -50,4 +61,18 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
             Ok(Verdict::of(met))
         }
     }
+}
+
+/// Leads through a step at the vehicle; a refusal is said on standard error.
+fn lead(
+    options: &Calibrate,
+    step: impl FnOnce(&mut Session) -> Result<(Figures, Ending)>,
+) -> Result<Verdict> {
+    let mut session = Session::connect(options)?;
+    let (figures, ending) = step(&mut session)?;
+    print_json_if(options.vehicle.json, &figures)?;
+    if ending.refused {
+        eprintln!("refused: {}", ending.words);
+    }
+    Ok(Verdict::of(!ending.refused))
 }

@@ -53,6 +53,17 @@ pub struct Question {
     pub again: bool,
 }
 
+impl Question {
+    /// A question that is asked for the first time, with nothing to type but the keys.
+    pub fn new(
+        words: impl Into<String>,
+        keys: &'static str,
+        buttons: &'static [(&'static str, &'static str)],
+    ) -> Self {
+        Self { words: words.into(), keys, buttons, entry: None, again: false }
+    }
+}
+
 /// How a step has ended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ending {

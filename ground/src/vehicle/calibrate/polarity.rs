@@ -7,14 +7,11 @@
 use anyhow::{Result, bail};
 use calibration::prompt::{Prompt, Tilt};
 
-use super::options::Calibrate;
 use super::person::Ending;
-use super::session::{Seen, Session, verdict};
+use super::session::{Seen, Session};
 use super::write::{CHECKED, UNCHECKED, WATCHED, write};
 use client::Parameter;
 use flights::param_file::{POLARITY, SECOND_POLARITY};
-use report::exit::Verdict;
-use report::file::print_json;
 use report::measure::{Figures, figure};
 use tvc_nano::Axis;
 
@@ -81,22 +78,6 @@ struct Looked {
     upright_us: u16,
     tilted_us: [u16; 2],
     refused: Option<String>,
-}
-
-/// Checks the vehicle at a port.
-///
-/// # Errors
-/// The vehicle does not answer or does not see the tilt, or Ctrl-C was pressed.
-pub fn run(options: &Calibrate) -> Result<Verdict> {
-    let mut session = Session::connect(options)?;
-    let (figures, ending) = check(&mut session)?;
-    if ending.met {
-        session.say(&ending.words);
-    }
-    if options.vehicle.json {
-        print_json(&figures)?;
-    }
-    Ok(verdict(&ending))
 }
 
 /// Leads through the check of every rudder, and keeps in the vehicle's flash that it was made.

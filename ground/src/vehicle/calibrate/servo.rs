@@ -13,7 +13,7 @@ use super::options::{Calibrate, Servo};
 use super::person::{Ending, Question};
 use super::session::{Session, UNCHANGED};
 use report::exit::{BadInput, Verdict};
-use report::file::print_json;
+use report::file::print_json_if;
 use report::measure::{Figures, figure, shown};
 
 /// Time after which a pulse is commanded again; the vehicle holds it for two seconds.
@@ -44,9 +44,7 @@ pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     if ending.met && !session.is_polarity_checked()? {
         eprintln!("next: tvc calibrate polarity, without which nothing is armed");
     }
-    if options.vehicle.json {
-        print_json(&figures)?;
-    }
+    print_json_if(options.vehicle.json, &figures)?;
     Ok(Verdict::of(ending.met))
 }
 
@@ -226,13 +224,8 @@ fn direction(session: &mut Session, axis: Axis, centre_us: f32) -> Result<Option
         Axis::Pitch => "A longer pulse: does the rudder's lower edge point forward, to the nose",
         Axis::Roll => "A longer pulse: does the second rudder's lower edge point left",
     };
-    let question = Question {
-        words: words.to_owned(),
-        keys: "[y/n] (Enter: leave it as it is)?",
-        buttons: &[("Yes", "y"), ("No", "n"), ("Leave it as it is", "")],
-        entry: None,
-        again: false,
-    };
+    let buttons = &[("Yes", "y"), ("No", "n"), ("Leave it as it is", "")];
+    let question = Question::new(words, "[y/n] (Enter: leave it as it is)?", buttons);
     loop {
         match ask_at(session, axis, centre_us + SPAN_US, &question)?.as_deref() {
             Some("y" | "Y" | "yes") => return Ok(Some(1.0)),

@@ -15,7 +15,7 @@ use tvc_nano::Axis;
 
 use super::keyboard::Typed;
 use super::options::Calibrate;
-use super::person::{Ending, Person, Question};
+use super::person::{Person, Question};
 use super::readings;
 use super::terminal::Terminal;
 use super::write::{CHECKED, write};
@@ -23,7 +23,6 @@ use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::watch::Watched;
 use flights::param_file::{POLARITY, SECOND_POLARITY};
-use report::exit::Verdict;
 
 /// How much of the vehicle's time passes between two looks at its samples, s.
 const LOOK_S: f64 = 0.2;
@@ -239,13 +238,7 @@ impl Session {
         if self.yes {
             return Ok(true);
         }
-        let question = Question {
-            words: words.to_owned(),
-            keys: "[y/N]",
-            buttons: &[("Yes", "y"), ("No", "n")],
-            entry: None,
-            again: false,
-        };
+        let question = Question::new(words, "[y/N]", &[("Yes", "y"), ("No", "n")]);
         let answer = self.question(&question, &mut |_| Ok(()))?;
         Ok(answer.is_some_and(|answer| matches!(answer.to_lowercase().as_str(), "y" | "yes")))
     }
@@ -280,11 +273,3 @@ impl Session {
 
 /// What has become of the vehicle where the person did not agree.
 pub const UNCHANGED: &str = "the vehicle is as it was";
-
-/// What becomes of the command by how its step has ended: a refusal is said on standard error.
-pub fn verdict(ending: &Ending) -> Verdict {
-    if ending.refused {
-        eprintln!("refused: {}", ending.words);
-    }
-    Verdict::of(!ending.refused)
-}

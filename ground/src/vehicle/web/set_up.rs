@@ -137,13 +137,7 @@ mod tests {
             let answered = model.lock().set_up.answer(id, reply.to_owned());
             answered.is_ok()
         };
-        let question = person::Question {
-            words: "Is it so?".to_owned(),
-            keys: "",
-            buttons: &[("Yes", "y")],
-            entry: None,
-            again: false,
-        };
+        let question = person::Question::new("Is it so?", "", &[("Yes", "y")]);
         assert!(!answer(0, "y") && !answer(1, "y"), "nothing is asked");
         page.ask(&question);
         assert_eq!(page.poll(), Typed::Nothing);
