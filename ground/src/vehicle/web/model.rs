@@ -2,7 +2,7 @@
 
 pub mod set_up;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::mem;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -11,6 +11,7 @@ use anyhow::{Result, ensure};
 use client::LinkHealth;
 use serde::Serialize;
 use serde_json::Value;
+use serde_json::value::{RawValue, to_raw_value};
 use tvc_nano::Params;
 use tvc_nano::params::{Change, Range};
 
@@ -195,12 +196,12 @@ pub struct Part<T> {
     value: T,
 }
 
-impl<T: Clone> Part<T> {
-    /// The part, if it is not what was `seen`.
-    fn news(&self, seen: &mut u64) -> Option<T> {
+impl<T: Serialize> Part<T> {
+    /// The part as JSON, if it is not what was `seen`.
+    fn news(&self, seen: &mut u64) -> Option<Box<RawValue>> {
         // Numbered from 1, so that a new page gets everything.
         let count = self.count + 1;
-        (mem::replace(seen, count) != count).then(|| self.value.clone())
+        (mem::replace(seen, count) != count).then(|| json(&self.value))
     }
 }
 
@@ -261,35 +262,6 @@ pub struct Seen {
     rig: u64,
 }
 
-/// What a page has not seen yet, by the names that the page has for it.
-#[derive(Debug, Serialize)]
-pub struct Update {
-    /// Always.
-    #[serde(rename = "frame")]
-    pub motion: Motion,
-    /// If it changed.
-    #[serde(rename = "condition", skip_serializing_if = "Option::is_none")]
-    pub status: Option<VehicleStatus>,
-    /// If it changed.
-    #[serde(rename = "trial", skip_serializing_if = "Option::is_none")]
-    pub test: Option<Test>,
-    /// If it changed.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub set_up: Option<SetUp>,
-    /// Since the last update.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub texts: Vec<Text>,
-    /// All, if one of them changed.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub parameters: Option<Vec<ParameterRow>>,
-    /// The last ones, oldest first, if there is a new one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub releases: Option<Vec<Release>>,
-    /// If it changed.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rig: Option<Value>,
-}
-
 impl State {
     /// Keeps a text of this program.
     pub fn say(&mut self, severity: u8, text: &str) {
@@ -305,21 +277,32 @@ impl State {
         }
     }
 
-    /// What is new since `seen`, which is brought up to date.
-    pub fn update(&self, seen: &mut Seen) -> Update {
+    /// What is new since `seen`, which is brought up to date: time and motion always, texts since
+    /// the last update, and each part that has changed, by the names that the page has for them.
+    pub fn update(&self, now_ms: u64, seen: &mut Seen) -> Update {
         let last_text = mem::replace(&mut seen.text, self.last_text);
-        let texts = self.texts.iter().filter(|text| text.id > last_text);
-        Update {
-            motion: self.motion.clone(),
-            status: self.status.news(&mut seen.status),
-            test: self.test.news(&mut seen.test),
-            set_up: self.set_up.news(&mut seen.set_up),
-            texts: texts.cloned().collect(),
-            parameters: self.parameters.news(&mut seen.parameters),
-            releases: self.releases.news(&mut seen.releases),
-            rig: self.rig.news(&mut seen.rig),
-        }
+        let texts: Vec<_> = self.texts.iter().filter(|text| text.id > last_text).collect();
+        let parts = [
+            ("now_ms", Some(json(&now_ms))),
+            ("frame", Some(json(&self.motion))),
+            ("condition", self.status.news(&mut seen.status)),
+            ("trial", self.test.news(&mut seen.test)),
+            ("set_up", self.set_up.news(&mut seen.set_up)),
+            ("texts", (!texts.is_empty()).then(|| json(&texts))),
+            ("parameters", self.parameters.news(&mut seen.parameters)),
+            ("releases", self.releases.news(&mut seen.releases)),
+            ("rig", self.rig.news(&mut seen.rig)),
+        ];
+        parts.into_iter().filter_map(|(name, news)| Some((name, news?))).collect()
     }
+}
+
+/// What a page has not seen yet.
+pub type Update = BTreeMap<&'static str, Box<RawValue>>;
+
+fn json(value: &impl Serialize) -> Box<RawValue> {
+    // The parts are structures of names, numbers and texts: they serialise.
+    to_raw_value(value).unwrap_or_default()
 }
 
 /// [`State`] for several threads.
@@ -338,6 +321,14 @@ impl Model {
 mod tests {
     use super::*;
 
+    fn news(state: &State, seen: &mut Seen) -> Value {
+        serde_json::to_value(state.update(0, seen)).unwrap()
+    }
+
+    fn names(update: &Value) -> Vec<&String> {
+        update.as_object().unwrap().keys().collect()
+    }
+
     #[test]
     fn a_page_gets_everything_once_and_texts_stay_few() {
         let mut state = State::default();
@@ -345,18 +336,16 @@ mod tests {
             state.add_text(0.0, 6, count.to_string());
         }
         let mut seen = Seen::default();
-        let update = state.update(&mut seen);
-        assert_eq!(update.texts.len(), TEXTS);
-        assert_eq!(update.texts[TEXTS - 1].text, (3 * TEXTS - 1).to_string());
-        assert!(update.status.is_some() && update.test.is_some());
-        assert!(update.parameters.is_some());
-        let update = state.update(&mut seen);
-        assert!(update.texts.is_empty() && update.status.is_none() && update.test.is_none());
-        assert!(update.parameters.is_none());
+        let update = news(&state, &mut seen);
+        assert_eq!(update["texts"].as_array().unwrap().len(), TEXTS);
+        assert_eq!(update["texts"][TEXTS - 1]["text"], (3 * TEXTS - 1).to_string());
+        assert!(update["condition"].is_object() && update["trial"].is_object());
+        assert!(update["parameters"].is_array());
+        assert_eq!(names(&news(&state, &mut seen)), ["frame", "now_ms"]);
         state.add_text(1.0, 4, "new".into());
         *state.status = VehicleStatus::default();
-        let update = state.update(&mut seen);
-        assert_eq!(update.texts.len(), 1);
-        assert!(update.status.is_some() && update.test.is_none());
+        let update = news(&state, &mut seen);
+        assert_eq!(names(&update), ["condition", "frame", "now_ms", "texts"]);
+        assert_eq!(update["texts"].as_array().unwrap().len(), 1);
     }
 }

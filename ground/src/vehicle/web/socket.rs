@@ -3,8 +3,9 @@
 //!
 //! The page begins with `{"token": TOKEN}`; where it has the word that is good once, it is told the
 //! token in the same form. Then it gets a message fifty times a second, with `now_ms`, `frame` and
-//! whatever has changed ([`Update`]). It sends orders ([`Message`]), each of
-//! which is answered by `{"id": ID}` with `note` where there is something to know, or with `error`.
+//! whatever has changed ([`State::update`](super::model::State::update)). It sends orders
+//! ([`Message`]), each of which is answered by `{"id": ID}` with `note` where there is something to
+//! know, or with `error`.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,7 +15,7 @@ use futures_util::stream::FuturesUnordered;
 use futures_util::{SinkExt, StreamExt};
 use hyper::upgrade::Upgraded;
 use hyper_util::rt::TokioIo;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use serde_json::json;
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 use tokio_tungstenite::WebSocketStream;
@@ -24,7 +25,7 @@ use tokio_tungstenite::tungstenite::protocol::{
 };
 
 use super::desk::{Desk, Message};
-use super::model::{Seen, Update};
+use super::model::Seen;
 use super::strangers::Strangers;
 use super::visitor::Visitor;
 
@@ -48,14 +49,6 @@ const FULL: u16 = 4503;
 #[derive(Deserialize)]
 struct Login {
     token: String,
-}
-
-/// What the page gets fifty times a second.
-#[derive(Serialize)]
-struct News {
-    now_ms: u64,
-    #[serde(flatten)]
-    update: Update,
 }
 
 type Socket = WebSocketStream<TokioIo<Upgraded>>;
@@ -143,10 +136,8 @@ async fn serve(socket: &mut Socket, visitor: Visitor, desk: &Arc<Desk>) -> Resul
                 send(socket, Frame::Ping(Vec::new().into())).await?;
             }
             _ = news.tick() => {
-                let update = desk.model.lock().update(&mut seen);
-                let now_ms = desk.now_ms();
-                let text = serde_json::to_string(&News { now_ms, update })?;
-                send(socket, Frame::text(text)).await?;
+                let update = desk.model.lock().update(desk.now_ms(), &mut seen);
+                send(socket, Frame::text(serde_json::to_string(&update)?)).await?;
             }
         }
     }

@@ -91,6 +91,6 @@ fn give(text: &str) {
 pub fn heard(link: Link) {
     let model = Model::default();
     vehicle_thread::hear(link, &model);
-    let update = model.lock().update(&mut ground::vehicle::web::model::Seen::default());
+    let update = model.lock().update(0, &mut ground::vehicle::web::model::Seen::default());
     serde_json::to_string(&update).unwrap();
 }
