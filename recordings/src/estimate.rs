@@ -10,7 +10,7 @@ use tvc_fusion::{
 
 use crate::score::unit;
 use crate::settings::{self, Gains};
-use crate::{Choice, ChoiceError, Facts, FilterName, Mode, RecordedSample, Scalar};
+use crate::{Choice, Facts, FilterName, Mode, RecordedSample, Scalar};
 
 /// Most steps that a sampling period is divided into in fixed point.
 const MOST_PARTS: f64 = 1000.0;
@@ -34,7 +34,7 @@ impl Estimate {
     ///
     /// # Errors
     /// A setting that is not there or out of range, a filter without fixed point.
-    pub fn new(choice: &Choice, facts: &Facts) -> Result<Self, ChoiceError> {
+    pub fn new(choice: &Choice, facts: &Facts) -> Result<Self, String> {
         let engine = match (choice.scalar, choice.filter) {
             (Scalar::F32, _) => float::<f32>(choice, facts)?,
             (Scalar::F64, _) => float::<f64>(choice, facts)?,
@@ -45,7 +45,9 @@ impl Estimate {
                 in_fixed::<fixed::Complementary>(choice, facts)?
             }
             (Scalar::Fixed, other @ (FilterName::Gyro | FilterName::Kalman)) => {
-                return Err(ChoiceError::NoFixedPoint(other));
+                return Err(format!(
+                    "{other} has no fixed-point form; complementary, mahony, madgwick and vqf have one"
+                ));
             }
         };
         Ok(Self {
@@ -72,10 +74,7 @@ impl Estimate {
     }
 }
 
-fn float<T: Real + 'static>(
-    choice: &Choice,
-    facts: &Facts,
-) -> Result<Box<dyn Engine>, ChoiceError> {
+fn float<T: Real + 'static>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, String> {
     match choice.filter {
         FilterName::Gyro => in_float::<Gyro<T>>(choice, facts),
         FilterName::Complementary => in_float::<Complementary<T>>(choice, facts),
@@ -86,7 +85,7 @@ fn float<T: Real + 'static>(
     }
 }
 
-fn in_float<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, ChoiceError>
+fn in_float<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, String>
 where
     F: Filter<Gains: Gains> + 'static,
 {
@@ -95,7 +94,7 @@ where
     Ok(Box::new(estimator))
 }
 
-fn in_fixed<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, ChoiceError>
+fn in_fixed<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, String>
 where
     F: fixed::Filter<Gains: Gains> + 'static,
 {
@@ -124,11 +123,11 @@ where
     }))
 }
 
-pub(crate) fn config<G: Gains>(choice: &Choice, facts: &Facts) -> Result<Config<G>, ChoiceError> {
+pub(crate) fn config<G: Gains>(choice: &Choice, facts: &Facts) -> Result<Config<G>, String> {
     settings::config(choice.filter, facts.gyro_range_rad_s, &choice.settings)
 }
 
-pub(crate) fn refused(choice: &Choice, error: ConfigError) -> ChoiceError {
+pub(crate) fn refused(choice: &Choice, error: ConfigError) -> String {
     let ConfigError::OutOfRange(name) = error;
     let set = choice.settings.iter().rev().find(|set| set.key == name);
     let what = match set {
@@ -136,7 +135,7 @@ pub(crate) fn refused(choice: &Choice, error: ConfigError) -> ChoiceError {
         None if name == "period_us" => "the recording's sampling period".to_owned(),
         None => name.to_owned(),
     };
-    ChoiceError::OutOfRange(what, choice.filter, choice.scalar)
+    format!("{what} is out of range for {} in {}", choice.filter, choice.scalar)
 }
 
 fn within(value: f32, range: &RangeInclusive<f32>) -> f32 {

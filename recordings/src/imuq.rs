@@ -52,9 +52,11 @@ impl Header {
     /// Parses the beginning of a file; `name` stands for it in errors.
     ///
     /// # Errors
-    /// [`RecordingError::Header`].
+    /// The header is not that of a recording.
     pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, RecordingError> {
-        let format = |reason: String| RecordingError::Header(name.to_owned(), reason);
+        let format = |reason: String| {
+            RecordingError::of(name, format!("is not an IMUQ16v1 recording: {reason}"))
+        };
         if !Self::is_magic(bytes) {
             return Err(format("it does not begin with IMUQ16v1".to_owned()));
         }
@@ -106,18 +108,17 @@ impl Header {
     /// Checks that a file of `found` bytes holds just the samples that were promised.
     ///
     /// # Errors
-    /// [`RecordingError::Length`].
+    /// The file ends before these samples, or goes on after them.
     pub fn check_length(&self, name: &str, found: u64) -> Result<(), RecordingError> {
         let expected = u64::from(self.samples) * Self::RECORD_BYTES as u64 + Self::BYTES as u64;
         if found == expected {
             return Ok(());
         }
-        Err(RecordingError::Length {
-            name: name.to_owned(),
-            promised: self.samples,
-            expected,
-            found,
-        })
+        Err(RecordingError::Unusable(format!(
+            "the recording {name} is damaged: its header promises {} samples ({expected} bytes), the \
+             file has {found} bytes",
+            self.samples
+        )))
     }
 
     /// The sample number `index`, from 0. Zero in all axes is no field: there is no magnetometer.

@@ -24,7 +24,7 @@ mod source;
 mod table;
 
 pub use choice::{Choice, FilterName, Mode, Scalar, Setting};
-pub use error::{ChoiceError, RecordingError};
+pub use error::RecordingError;
 pub use estimate::Estimate;
 pub use imuq::Recording;
 pub use lines::Lines;

@@ -7,7 +7,7 @@ use tvc_fusion::{Complementary, Filter, Gyro, Kalman, Madgwick, Mahony, Quaterni
 use crate::estimate::{config, double, refused, sample};
 use crate::score::unit;
 use crate::settings::Gains;
-use crate::{Choice, ChoiceError, Facts, FilterName, Mode, RecordedSample, Scalar, Setting};
+use crate::{Choice, Facts, FilterName, Mode, RecordedSample, Scalar, Setting};
 
 /// The orientations at all samples, sensor to north-east-down, `[w, x, y, z]`, of unit length, by a
 /// filter that knows what comes later.
@@ -20,11 +20,11 @@ pub fn smooth(
     choice: &Choice,
     facts: &Facts,
     samples: &[RecordedSample],
-) -> Result<Vec<[f64; 4]>, ChoiceError> {
+) -> Result<Vec<[f64; 4]>, String> {
     match choice.scalar {
         Scalar::F32 => by_name::<f32>(choice, facts, samples),
         Scalar::F64 => by_name::<f64>(choice, facts, samples),
-        Scalar::Fixed => Err(ChoiceError::OfflineFixed),
+        Scalar::Fixed => Err("fixed point does not run offline: choose f32 or f64".to_owned()),
     }
 }
 
@@ -32,7 +32,7 @@ fn by_name<T: Real>(
     choice: &Choice,
     facts: &Facts,
     samples: &[RecordedSample],
-) -> Result<Vec<[f64; 4]>, ChoiceError> {
+) -> Result<Vec<[f64; 4]>, String> {
     match choice.filter {
         FilterName::Gyro => run::<Gyro<T>>(choice, facts, samples),
         FilterName::Complementary => run::<Complementary<T>>(choice, facts, samples),
@@ -53,7 +53,7 @@ fn run<F: Filter<Gains: Gains>>(
     choice: &Choice,
     facts: &Facts,
     samples: &[RecordedSample],
-) -> Result<Vec<[f64; 4]>, ChoiceError> {
+) -> Result<Vec<[f64; 4]>, String> {
     let config = config::<F::Gains>(choice, facts)?;
     let mut last_s = None;
     let timed: Vec<_> = samples

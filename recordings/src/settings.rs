@@ -2,7 +2,7 @@
 
 use tvc_fusion::{ComplementaryGains, Config, KalmanGains, MadgwickGains, MahonyGains, VqfGains};
 
-use crate::{ChoiceError, FilterName, Setting};
+use crate::{FilterName, Setting};
 
 /// Name of a setting, and its field.
 type Key<T> = (&'static str, fn(&mut T) -> &mut f32);
@@ -69,7 +69,7 @@ pub(crate) fn config<G: Gains>(
     filter: FilterName,
     gyro_range_rad_s: Option<f32>,
     settings: &[Setting],
-) -> Result<Config<G>, ChoiceError> {
+) -> Result<Config<G>, String> {
     let mut config = Config::with_gains(G::default());
     if let Some(range) = gyro_range_rad_s {
         config.gyro_range_rad_s = config.gyro_range_rad_s.min(range);
@@ -80,13 +80,13 @@ pub(crate) fn config<G: Gains>(
         let preset = G::PRESETS.iter().find(|(name, _)| *name == setting.value);
         let (_, gains) = preset.ok_or_else(|| {
             let known = joined(G::PRESETS.iter().map(|(name, _)| *name));
-            ChoiceError::Preset(filter, setting.value.clone(), known)
+            format!("{filter} has no preset {}; its presets are {known}", setting.value)
         })?;
         config.gains = gains();
     }
     for setting in others {
-        let value =
-            setting.value.parse::<f32>().map_err(|_| ChoiceError::NotANumber(setting.clone()))?;
+        let value = setting.value.parse::<f32>();
+        let value = value.map_err(|_| format!("{setting} is not a number"))?;
         *field(&mut config, &setting.key).ok_or_else(|| unknown::<G>(filter, &setting.key))? =
             value;
     }
@@ -102,12 +102,12 @@ fn field<'a, G: Gains>(config: &'a mut Config<G>, key: &str) -> Option<&'a mut f
     Some(of(&mut config.gains))
 }
 
-fn unknown<G: Gains>(filter: FilterName, key: &str) -> ChoiceError {
+fn unknown<G: Gains>(filter: FilterName, key: &str) -> String {
     let own = G::KEYS.iter().map(|(name, _)| *name);
     let shared = shared::<G>();
     let shared = shared.iter().map(|(name, _)| *name);
     let known = joined(std::iter::once("preset").chain(own).chain(shared));
-    ChoiceError::Setting(filter, key.to_owned(), known)
+    format!("{filter} has no setting {key}; its settings are {known}")
 }
 
 fn joined<'a>(names: impl Iterator<Item = &'a str>) -> String {

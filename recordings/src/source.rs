@@ -63,7 +63,7 @@ impl Source {
         let file = File::open(path).map_err(unread)?;
         let metadata = file.metadata().map_err(unread)?;
         if metadata.is_dir() {
-            return Err(RecordingError::Folder(name));
+            return Err(RecordingError::of(&name, "is a folder, not a recording"));
         }
         let mut file = BufReader::with_capacity(BUFFER, file);
         let mut start = Vec::with_capacity(Header::BYTES);
@@ -76,7 +76,7 @@ impl Source {
             return Ok(Self::of_counts(name, header, file, metadata.len()));
         }
         if start.is_empty() {
-            return Err(RecordingError::Empty(name));
+            return Err(RecordingError::of(&name, "is empty"));
         }
         let table = Table::read(&name, start, Lines::new(file))?;
         Self::of_table(name, table, metadata.len())
@@ -113,7 +113,7 @@ impl Source {
             ahead.push_back(sample);
         }
         if ahead.is_empty() {
-            return Err(RecordingError::NoSample(name));
+            return Err(RecordingError::of(&name, "holds no sample"));
         }
         Ok(Self {
             name,
@@ -166,8 +166,12 @@ impl Source {
             Format::Counts { header, next, .. } if *next == header.samples => Ok(None),
             Format::Counts { header, file, next } => {
                 let mut record = [0; Header::RECORD_BYTES];
-                file.read_exact(&mut record)
-                    .map_err(|error| RecordingError::Sample(self.name.clone(), *next, error))?;
+                file.read_exact(&mut record).map_err(|error| {
+                    RecordingError::of(
+                        &self.name,
+                        format!("ends or fails at sample {next}: {error}"),
+                    )
+                })?;
                 let sample = header.sample(*next, &record);
                 *next += 1;
                 Ok(Some(sample))

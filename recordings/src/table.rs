@@ -50,11 +50,19 @@ impl<R: Read> Table<R> {
     /// Reads the names of the columns; `start` is what has been read of the file already.
     ///
     /// # Errors
-    /// [`RecordingError::Foreign`]: columns that are needed are missing.
+    /// Columns that are needed are missing.
     pub(crate) fn read(name: &str, start: Vec<u8>, rest: R) -> Result<Self, RecordingError> {
         let mut reader =
             ReaderBuilder::new().trim(csv::Trim::All).from_reader(Cursor::new(start).chain(rest));
-        let foreign = |reason: String| RecordingError::Foreign(name.to_owned(), reason);
+        let foreign = |reason: String| {
+            RecordingError::of(
+                name,
+                format!(
+                    "is neither an IMUQ16v1 recording nor a CSV file with columns such as \
+                     t_s,gx_rad_s,gy_rad_s,gz_rad_s,ax_m_s2,ay_m_s2,az_m_s2: {reason}"
+                ),
+            )
+        };
         let header = reader.headers().map_err(|_| foreign("its first line is no text".into()))?;
         let names: Vec<String> = header.iter().map(str::to_ascii_lowercase).collect();
         let columns = Columns::find(&names).map_err(foreign)?;
@@ -80,12 +88,12 @@ impl<R: Read> Table<R> {
     /// The next sample; `None` after the last.
     ///
     /// # Errors
-    /// [`RecordingError::Table`] and [`RecordingError::Line`].
+    /// Lines that differ in their number of fields, or hold something else than numbers.
     pub(crate) fn next_sample(&mut self) -> Result<Option<RecordedSample>, RecordingError> {
-        let name = || self.name.clone();
         loop {
             let more = self.reader.read_byte_record(&mut self.record);
-            if !more.map_err(|error| RecordingError::Table(name(), error))? {
+            let damaged = |error| RecordingError::of(&self.name, format!("is damaged: {error}"));
+            if !more.map_err(damaged)? {
                 return Ok(None);
             }
             let [first, ..] = self.columns.gyr.columns;
@@ -95,7 +103,7 @@ impl<R: Read> Table<R> {
             }
             let sample = self.columns.sample(&self.record).map_err(|reason| {
                 let line = self.record.position().map_or(0, csv::Position::line);
-                RecordingError::Line(name(), line, reason)
+                RecordingError::Unusable(format!("{}, line {line}: {reason}", self.name))
             })?;
             // The registers repeat until the magnetometer has measured again.
             let repeats = self.is_counts() && sample.mag_ut == self.last_mag;

@@ -8,9 +8,7 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use recordings::{
-    Choice, ChoiceError, Estimate, RecordedSample, Scorer, Source, enu_from_ned, smooth,
-};
+use recordings::{Choice, Estimate, RecordedSample, Scorer, Source, enu_from_ned, smooth};
 
 use figures::{Recording, figures, notes};
 pub use options::Fuse;
@@ -42,7 +40,7 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
     let mut bytes = 0;
     for (file, place) in options.files.iter().zip(places) {
         let source = Source::open(file).map_err(BadInput::new)?;
-        let unfit = |why: ChoiceError| BadInput::new(format!("{}: {why}", source.name()));
+        let unfit = |why: String| BadInput::new(format!("{}: {why}", source.name()));
         let live = match options.offline {
             // What is wrong with the choice shows without a sample.
             true => smooth(&choice, source.facts(), &[]).map(|_| None),
