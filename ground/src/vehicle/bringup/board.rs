@@ -8,61 +8,41 @@ use client::{BoardValue, request};
 use tvc_nano::bringup::words::*;
 use tvc_nano::bringup::{Pulse, What};
 
-use super::row::{Check, Row};
+use super::row::{Row, checks};
 use super::session::{Heard, REPEATED, Session};
 
-const CHIP: Check =
-    Check { name: "chip", meaning: "another chip than the Nano 33 IoT's: check which board it is" };
-const FUSES: Check = Check {
-    name: "fuses",
-    meaning: "a watchdog that is always on resets the board for ever, and a protected bootloader \
-              cannot be replaced: write the user row as Arduino ships it, by a debug probe",
-};
-const BOOTLOADER: Check = Check {
-    name: "bootloader",
-    meaning: "with UF2 use `tvc flash --uf2`; with none only a debug probe writes the next image",
-};
-const CLOCK: Check = Check {
-    name: "clock",
-    meaning: "the processor's clock does not follow USB: all times are wrong by that much. Try \
-              another port or cable",
-};
-const FREE_CLOCK: Check = Check {
-    name: "free clock",
-    meaning: "the clock is off by that much without USB, as on most boards without a crystal; keep \
-              the cable in, or save the parameters once USB has corrected it",
-};
-const SLOW_CLOCK: Check = Check {
-    name: "slow clock",
-    meaning: "the watchdog's times change by as much; beyond these limits the chip is faulty",
-};
-const SUPPLY: Check = Check {
-    name: "supply",
-    meaning: "the brown-out detector is off or sees too low a voltage: measure 3.3 V at the pin, \
-              take another cable",
-};
-const LINES: Check = Check {
-    name: "bus lines",
-    meaning: "a line of the sensor's bus stays low: look for a short, a missing pull-up or a sensor \
-              without power",
-};
-const SERVO: Check = Check {
-    name: "servo pulse",
-    meaning: "no pulse: put a jumper from D3 to D2; another length: the timer or its clock is wrong. \
-              Connect no servo before this passes",
-};
-const FLASH: Check = Check {
-    name: "flash",
-    meaning: "flash that takes longer than the data sheet allows may be worn or starved of voltage, \
-              and the watchdog counts meanwhile",
-};
-const ENGINE: Check = Check {
-    name: "crc engine",
-    meaning: "the DSU's engine is slow or wrong, so the core reads the image: that costs a fifth of \
-              its time and is as safe. Report it with this table",
-};
-const STACK: Check =
-    Check { name: "stack", meaning: "little is left of the stack: report it with this table" };
+checks! {
+    CHIP "chip": "another chip than the Nano 33 IoT's: check which board it is";
+    FUSES "fuses":
+        "a watchdog that is always on resets the board for ever, and a protected bootloader \
+         cannot be replaced: write the user row as Arduino ships it, by a debug probe";
+    BOOTLOADER "bootloader":
+        "with UF2 use `tvc flash --uf2`; with none only a debug probe writes the next image";
+    CLOCK "clock":
+        "the processor's clock does not follow USB: all times are wrong by that much. Try another \
+         port or cable";
+    FREE_CLOCK "free clock":
+        "the clock is off by that much without USB, as on most boards without a crystal; keep the \
+         cable in, or save the parameters once USB has corrected it";
+    SLOW_CLOCK "slow clock":
+        "the watchdog's times change by as much; beyond these limits the chip is faulty";
+    SUPPLY "supply":
+        "the brown-out detector is off or sees too low a voltage: measure 3.3 V at the pin, take \
+         another cable";
+    LINES "bus lines":
+        "a line of the sensor's bus stays low: look for a short, a missing pull-up or a sensor \
+         without power";
+    SERVO "servo pulse":
+        "no pulse: put a jumper from D3 to D2; another length: the timer or its clock is wrong. \
+         Connect no servo before this passes";
+    FLASH "flash":
+        "flash that takes longer than the data sheet allows may be worn or starved of voltage, \
+         and the watchdog counts meanwhile";
+    ENGINE "crc engine":
+        "the DSU's engine is slow or wrong, so the core reads the image: that costs a fifth of \
+         its time and is as safe. Report it with this table";
+    STACK "stack": "little is left of the stack: report it with this table";
+}
 
 /// Of [`CLOCK_STATUS`]: the DFLL runs right, and the voltage is below the brown-out detector's.
 const DFLL_READY: u32 = 1 << 4;

@@ -6,17 +6,15 @@ use std::time::Duration;
 use tvc_nano::bringup::What;
 use tvc_nano::bringup::words;
 
-use super::row::{Check, Row};
+use super::row::{Check, Row, checks};
 use super::session::{REPEATED, Session};
 
-const USB: Check =
-    Check { name: "usb", meaning: "frames are lost on their way: take another cable, port or hub" };
-const CRASH: Check =
-    Check { name: "crash record", meaning: "a crash leaves no trace: report it with this table" };
-const WATCHDOG: Check = Check {
-    name: "watchdog",
-    meaning: "a program that hangs is not ended: do not fly. Press the reset button to go on",
-};
+checks! {
+    USB "usb": "frames are lost on their way: take another cable, port or hub";
+    CRASH "crash record": "a crash leaves no trace: report it with this table";
+    WATCHDOG "watchdog":
+        "a program that hangs is not ended: do not fly. Press the reset button to go on";
+}
 
 /// Words in a row as a loop-back, with what was lost since the start.
 ///

@@ -64,6 +64,15 @@ pub struct Check {
     pub meaning: &'static str,
 }
 
+/// Checks as constants, each with its name and its meaning.
+macro_rules! checks {
+    ($($check:ident $name:literal: $meaning:literal;)+) => {
+        $(const $check: $crate::vehicle::bringup::row::Check =
+            $crate::vehicle::bringup::row::Check { name: $name, meaning: $meaning };)+
+    };
+}
+pub(super) use checks;
+
 impl Check {
     /// With its result.
     pub fn row(self, expected: impl Display, found: impl Display, result: Outcome) -> Row {

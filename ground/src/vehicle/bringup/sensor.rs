@@ -7,64 +7,38 @@ use mavlink::dialects::common::RAW_IMU_DATA;
 use nalgebra::Vector3;
 use tvc_nano::bringup::What;
 
-use super::row::{Check, Row};
+use super::row::{Check, Row, checks};
 use super::session::{Heard, Session};
 use crate::vehicle::calibrate::keyboard::{Keyboard, Typed};
 
-const SENSOR: Check = Check {
-    name: "sensor",
-    meaning: "nothing usable from the sensor: the state's reason says what; look at power, SDA, SCL \
-              and, on a clone, at S0 and S1, which must choose I2C",
-};
-const ADDRESS: Check = Check {
-    name: "address",
-    meaning: "the firmware takes either address; on clones an open address pin gives 0x29",
-};
-const STOP: Check = Check {
-    name: "stop",
-    meaning: "the sensor holds the clock before a STOP for another time than expected; up to 500 us \
-              the firmware copes. Note it for the rig: --hardware stop-read=US",
-};
-const STRETCH: Check = Check {
-    name: "stretch",
-    meaning: "the sensor holds the clock in each byte for another time than expected. Note it for \
-              the rig: --hardware stretch=US",
-};
-const BURST: Check = Check {
-    name: "burst",
-    meaning: "a reading takes too long for its step: shorten the cable, check the pull-ups and \
-              I2C_KHZ",
-};
-const TICKS: Check = Check {
-    name: "ticks",
-    meaning: "the processor's time and the servo's timer disagree, perhaps in sleep: report it",
-};
-const REFRESH: Check = Check {
-    name: "refresh",
-    meaning: "the sensor gives new data at another rate: the delay in control changes. Note it for \
-              the rig: --hardware refresh=ACC/GYR/MAG",
-};
-const FIELD: Check = Check {
-    name: "field",
-    meaning: "the magnetometer gives nothing: heading drifts, pitch does not need it; for heading \
-              take another sensor",
-};
-const NOISE: Check = Check {
-    name: "noise",
-    meaning: "hold the sensor still; if it is, its supply or the sensor is bad",
-};
-const ERRORS: Check = Check {
-    name: "bus errors",
-    meaning: "transfers fail: shorten the cable, add an extender, lower I2C_KHZ",
-};
-const LOAD: Check = Check {
-    name: "load",
-    meaning: "the processor is busier than on the rig: report it with this table",
-};
-const SCALE: Check = Check {
-    name: "gyro scale",
-    meaning: "the gyroscope does not turn as far as gravity does: its range is not what was set",
-};
+checks! {
+    SENSOR "sensor":
+        "nothing usable from the sensor: the state's reason says what; look at power, SDA, SCL \
+         and, on a clone, at S0 and S1, which must choose I2C";
+    ADDRESS "address":
+        "the firmware takes either address; on clones an open address pin gives 0x29";
+    STOP "stop":
+        "the sensor holds the clock before a STOP for another time than expected; up to 500 us \
+         the firmware copes. Note it for the rig: --hardware stop-read=US";
+    STRETCH "stretch":
+        "the sensor holds the clock in each byte for another time than expected. Note it for the \
+         rig: --hardware stretch=US";
+    BURST "burst":
+        "a reading takes too long for its step: shorten the cable, check the pull-ups and I2C_KHZ";
+    TICKS "ticks":
+        "the processor's time and the servo's timer disagree, perhaps in sleep: report it";
+    REFRESH "refresh":
+        "the sensor gives new data at another rate: the delay in control changes. Note it for the \
+         rig: --hardware refresh=ACC/GYR/MAG";
+    FIELD "field":
+        "the magnetometer gives nothing: heading drifts, pitch does not need it; for heading take \
+         another sensor";
+    NOISE "noise": "hold the sensor still; if it is, its supply or the sensor is bad";
+    ERRORS "bus errors": "transfers fail: shorten the cable, add an extender, lower I2C_KHZ";
+    LOAD "load": "the processor is busier than on the rig: report it with this table";
+    SCALE "gyro scale":
+        "the gyroscope does not turn as far as gravity does: its range is not what was set";
+}
 
 /// The checks that need samples.
 const OF_SAMPLES: [Check; 8] = [ADDRESS, STOP, STRETCH, BURST, TICKS, REFRESH, FIELD, NOISE];
