@@ -37,8 +37,8 @@ const TRANSFORM_US: u64 = 30_000;
 /// Difference of the clocks from which the vehicle counts as restarted, us.
 const CLOCK_STEP_US: u64 = 1_000_000;
 
-/// A topic: its name, its schema's name, and its fields by their JSON types.
-struct Topic(&'static str, &'static str, &'static [(&'static str, &'static [&'static str])]);
+/// A topic: its name, its schema's name, and the names of its fields by their JSON types.
+struct Topic(&'static str, &'static str, &'static [(&'static str, &'static str)]);
 
 const NUMBER: &str = "number";
 const INTEGER: &str = "integer";
@@ -46,72 +46,41 @@ const STRING: &str = "string";
 const OBJECT: &str = "object";
 
 /// Names of the fields of `/attitude`.
-const ATTITUDE: [&str; 10] = [
-    "q_w",
-    "q_x",
-    "q_y",
-    "q_z",
-    "roll_deg",
-    "pitch_deg",
-    "yaw_deg",
-    "roll_rate_deg_s",
-    "pitch_rate_deg_s",
-    "yaw_rate_deg_s",
-];
+const ATTITUDE: &str = "q_w q_x q_y q_z roll_deg pitch_deg yaw_deg \
+                        roll_rate_deg_s pitch_rate_deg_s yaw_rate_deg_s";
 /// Names of the fields of `/counts`.
-const COUNTS: [&str; 9] =
-    ["acc_x", "acc_y", "acc_z", "gyr_x", "gyr_y", "gyr_z", "mag_x", "mag_y", "mag_z"];
+const COUNTS: &str = "acc_x acc_y acc_z gyr_x gyr_y gyr_z mag_x mag_y mag_z";
 
-/// The topics, in the order of [`Kind`].
+/// The topics.
 const TOPICS: [Topic; 9] = [
-    Topic("/attitude", "tvc.Attitude", &[(NUMBER, &ATTITUDE)]),
-    Topic("/servo", "tvc.Servo", &[(INTEGER, &["pulse_us", "pulse2_us"])]),
-    Topic("/counts", "tvc.Counts", &[(INTEGER, &COUNTS)]),
-    Topic("/command", "tvc.Command", &[(NUMBER, &["crank_deg"])]),
-    Topic("/state", "tvc.State", &[(STRING, &["state"]), (INTEGER, &["code"])]),
+    Topic("/attitude", "tvc.Attitude", &[(NUMBER, ATTITUDE)]),
+    Topic("/servo", "tvc.Servo", &[(INTEGER, "pulse_us pulse2_us")]),
+    Topic("/counts", "tvc.Counts", &[(INTEGER, COUNTS)]),
+    Topic("/command", "tvc.Command", &[(NUMBER, "crank_deg")]),
+    Topic("/state", "tvc.State", &[(STRING, "state"), (INTEGER, "code")]),
     Topic(
         "/health",
         "tvc.Health",
-        &[(NUMBER, &["load"]), (INTEGER, &["dropped", "missed", "bus_errors", "bus_recoveries"])],
+        &[(NUMBER, "load"), (INTEGER, "dropped missed bus_errors bus_recoveries")],
     ),
-    Topic("/parameter", "tvc.Parameter", &[(STRING, &["name"]), (NUMBER, &["value"])]),
+    Topic("/parameter", "tvc.Parameter", &[(STRING, "name"), (NUMBER, "value")]),
     Topic(
         "/log",
         "foxglove.Log",
-        &[
-            (OBJECT, &["timestamp"]),
-            (INTEGER, &["level", "line"]),
-            (STRING, &["message", "name", "file"]),
-        ],
+        &[(OBJECT, "timestamp"), (INTEGER, "level line"), (STRING, "message name file")],
     ),
     Topic(
         "/tf",
         "foxglove.FrameTransform",
-        &[
-            (OBJECT, &["timestamp", "translation", "rotation"]),
-            (STRING, &["parent_frame_id", "child_frame_id"]),
-        ],
+        &[(OBJECT, "timestamp translation rotation"), (STRING, "parent_frame_id child_frame_id")],
     ),
 ];
-
-#[derive(Clone, Copy)]
-enum Kind {
-    Attitude,
-    Servo,
-    Counts,
-    Command,
-    State,
-    Health,
-    Parameter,
-    Log,
-    Transform,
-}
 
 /// A file that is being written.
 pub struct Writer {
     file: mcap::Writer<File>,
     frames: u16,
-    topics: [u16; TOPICS.len()],
+    topics: BTreeMap<&'static str, u16>,
     vehicle: Wire,
     clock: Clock,
     transform_due_us: u64,
@@ -132,11 +101,11 @@ impl Writer {
         let mut file = options.create(file)?;
         let none = BTreeMap::new();
         let frames = file.add_channel(0, FRAMES, FRAME_ENCODING, &none)?;
-        let mut topics = [0; TOPICS.len()];
-        for (id, Topic(name, schema, fields)) in topics.iter_mut().zip(TOPICS) {
+        let mut topics = BTreeMap::new();
+        for Topic(name, schema, fields) in TOPICS {
             let schema =
                 file.add_schema(schema, "jsonschema", describe(fields).to_string().as_bytes())?;
-            *id = file.add_channel(schema, name, "json", &none)?;
+            topics.insert(name, file.add_channel(schema, name, "json", &none)?);
         }
         Ok(Self {
             file,
@@ -183,25 +152,24 @@ impl Writer {
 
     fn tell(&mut self, received_us: u64, message: &MavMessage) -> Result<(), McapError> {
         let time_us = self.clock.time_us(received_us, message);
-        let (kind, value) = match message {
+        let (topic, value) = match message {
             MavMessage::ATTITUDE_QUATERNION(m) => {
                 let [roll, pitch, yaw] =
                     angles([m.q1, m.q2, m.q3, m.q4].map(f64::from)).map(f64::to_degrees);
                 let rate = [m.rollspeed, m.pitchspeed, m.yawspeed].map(f32::to_degrees);
                 if time_us >= self.transform_due_us {
                     self.transform_due_us = time_us.saturating_add(TRANSFORM_US);
-                    self.json(Kind::Transform, time_us, &transform(time_us, m))?;
+                    self.json("/tf", time_us, &transform(time_us, m))?;
                 }
                 let value = json!({
                     "q_w": m.q1, "q_x": m.q2, "q_y": m.q3, "q_z": m.q4,
                     "roll_deg": roll, "pitch_deg": pitch, "yaw_deg": yaw,
                     "roll_rate_deg_s": rate[0], "pitch_rate_deg_s": rate[1], "yaw_rate_deg_s": rate[2],
                 });
-                (Kind::Attitude, value)
+                ("/attitude", value)
             }
             MavMessage::SERVO_OUTPUT_RAW(m) => {
-                let value = json!({ "pulse_us": m.servo1_raw, "pulse2_us": m.servo2_raw });
-                (Kind::Servo, value)
+                ("/servo", json!({ "pulse_us": m.servo1_raw, "pulse2_us": m.servo2_raw }))
             }
             MavMessage::RAW_IMU(m) => {
                 let value = json!({
@@ -209,14 +177,14 @@ impl Writer {
                     "gyr_x": m.xgyro, "gyr_y": m.ygyro, "gyr_z": m.zgyro,
                     "mag_x": m.xmag, "mag_y": m.ymag, "mag_z": m.zmag,
                 });
-                (Kind::Counts, value)
+                ("/counts", value)
             }
             MavMessage::NAMED_VALUE_FLOAT(m) if text(&m.name) == CRANKS[0] => {
-                (Kind::Command, json!({ "crank_deg": m.value.to_degrees() }))
+                ("/command", json!({ "crank_deg": m.value.to_degrees() }))
             }
             MavMessage::HEARTBEAT(m) => {
                 let state = state_name(m.custom_mode);
-                (Kind::State, json!({ "state": state, "code": m.custom_mode }))
+                ("/state", json!({ "state": state, "code": m.custom_mode }))
             }
             MavMessage::SYS_STATUS(m) => {
                 let value = json!({
@@ -224,14 +192,12 @@ impl Writer {
                     "dropped": m.errors_count1, "missed": m.errors_count2,
                     "bus_errors": m.errors_count3, "bus_recoveries": m.errors_count4,
                 });
-                (Kind::Health, value)
+                ("/health", value)
             }
             MavMessage::PARAM_VALUE(m) => {
                 let name = text(&m.param_id);
-                let value = m.param_value.to_string();
-                self.parameters.insert(name.to_owned(), value);
-                let value = json!({ "name": name, "value": m.param_value });
-                (Kind::Parameter, value)
+                self.parameters.insert(name.to_owned(), m.param_value.to_string());
+                ("/parameter", json!({ "name": name, "value": m.param_value }))
             }
             MavMessage::AUTOPILOT_VERSION(m) => {
                 self.build = Some(vehicle_build(m));
@@ -240,7 +206,7 @@ impl Writer {
             MavMessage::STATUSTEXT(m) => return self.say(time_us, m.severity, text(&m.text)),
             _ => return Ok(()),
         };
-        self.json(kind, time_us, &value)
+        self.json(topic, time_us, &value)
     }
 
     fn say(&mut self, time_us: u64, severity: MavSeverity, text: &str) -> Result<(), McapError> {
@@ -255,11 +221,11 @@ impl Writer {
             "timestamp": timestamp(time_us), "level": level, "message": text,
             "name": "vehicle", "file": "", "line": 0,
         });
-        self.json(Kind::Log, time_us, &value)
+        self.json("/log", time_us, &value)
     }
 
-    fn json(&mut self, kind: Kind, time_us: u64, value: &Value) -> Result<(), McapError> {
-        self.put(self.topics[kind as usize], time_us, value.to_string().as_bytes())
+    fn json(&mut self, topic: &str, time_us: u64, value: &Value) -> Result<(), McapError> {
+        self.put(self.topics[topic], time_us, value.to_string().as_bytes())
     }
 
     fn put(&mut self, channel_id: u16, time_us: u64, data: &[u8]) -> Result<(), McapError> {
@@ -459,10 +425,11 @@ impl Clock {
 }
 
 /// JSON schema of an object with these fields.
-fn describe(fields: &[(&str, &[&str])]) -> Value {
+fn describe(fields: &[(&str, &str)]) -> Value {
     let mut properties = serde_json::Map::new();
     for (kind, names) in fields {
-        properties.extend(names.iter().map(|name| ((*name).to_owned(), json!({ "type": kind }))));
+        let names = names.split_whitespace();
+        properties.extend(names.map(|name| (name.to_owned(), json!({ "type": kind }))));
     }
     json!({ "type": "object", "properties": properties })
 }

@@ -221,7 +221,7 @@ fn the_vehicles_build_and_parameters_are_metadata() {
 fn every_topic_and_field_of_the_layouts_is_in_a_log() {
     let fields = |separator: &str| -> Vec<String> {
         let of_topic = |Topic(name, _, fields): &Topic| -> Vec<String> {
-            let fields = fields.iter().flat_map(|(_, fields)| *fields);
+            let fields = fields.iter().flat_map(|(_, fields)| fields.split_whitespace());
             fields.map(|field| format!("{name}{separator}{field}")).collect()
         };
         TOPICS.iter().flat_map(of_topic).collect()
