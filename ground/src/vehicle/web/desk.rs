@@ -37,6 +37,7 @@ use super::handle::{Answer, Condition, Handle};
 use super::model::set_up::Step;
 use super::model::{Model, ParameterRow, State, Test};
 use super::rig::{self, RigControl};
+use super::strangers::Strangers;
 use super::vehicle_thread::guard;
 use super::{manoeuvre, report, set_up};
 use crate::vehicle::test::Manoeuvre;
@@ -125,6 +126,8 @@ pub struct Desk {
     pub once: Once,
     /// What is known of the vehicle.
     pub model: Arc<Model>,
+    /// Connections that have not shown the token.
+    pub strangers: Strangers,
     vehicle: Handle,
     rig: RigControl,
     /// Where logs are.
@@ -158,6 +161,7 @@ impl Desk {
             token,
             once,
             model,
+            strangers: Strangers::default(),
             vehicle,
             rig,
             logs,

@@ -15,7 +15,7 @@ pub mod rig;
 pub mod server;
 mod set_up;
 mod socket;
-pub mod strangers;
+mod strangers;
 pub mod vehicle_thread;
 pub mod visitor;
 

@@ -31,16 +31,11 @@ pub struct Motion {
     pub count: u64,
     /// Roll, pitch and yaw, deg.
     pub attitude_deg: [f64; 3],
-    /// Pitch rate, deg/s.
-    pub rate_deg_s: f64,
-    /// Servo angle commanded, from the centre, deg.
-    pub servo_deg: f64,
-    /// Pulse commanded, us.
-    pub pulse_us: u16,
-    /// Pitch to hold, deg.
-    pub set_deg: f64,
+    /// The first axis.
+    #[serde(flatten)]
+    pub pitch: AxisMotion,
     /// The second axis; none of a vehicle with one.
-    pub roll: Option<RollMotion>,
+    pub roll: Option<AxisMotion>,
     /// Standard deviation of the tilt, deg.
     pub tilt_sd_deg: Option<f64>,
     /// The same of the heading.
@@ -53,16 +48,16 @@ pub struct Motion {
     pub settling: bool,
 }
 
-/// What [`Motion`] has of the second axis besides its angle.
+/// What [`Motion`] has of an axis besides its angle.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct RollMotion {
-    /// Roll rate, deg/s.
+pub struct AxisMotion {
+    /// Its rate, deg/s.
     pub rate_deg_s: f64,
-    /// Angle commanded of the second servo, from its centre, deg.
+    /// Angle commanded of its servo, from the centre, deg.
     pub servo_deg: f64,
-    /// Its pulse, us.
+    /// Pulse commanded, us.
     pub pulse_us: u16,
-    /// Roll to hold, deg.
+    /// Angle to hold, deg.
     pub set_deg: f64,
 }
 

@@ -39,7 +39,6 @@ use tokio_tungstenite::tungstenite::handshake::derive_accept_key;
 
 use super::auth::is_own_host;
 use super::desk::Desk;
-use super::strangers::Strangers;
 use super::visitor::Visitor;
 use super::{logs, rig, socket};
 use crate::vehicle::admission::Admission;
@@ -103,19 +102,18 @@ type Answer = Response<Full<Bytes>>;
 
 /// Answers requests for ever.
 pub async fn serve(listener: TcpListener, desk: Arc<Desk>, admission: &Admission) -> Infallible {
-    let strangers = Arc::new(Strangers::default());
     loop {
         match listener.accept().await {
             Ok((stream, from)) => {
                 // Without it the system delays small messages.
                 let _ = stream.set_nodelay(true);
                 let visitor = Visitor::of(from.ip(), admission);
-                let exchange = exchange(stream, visitor, desk.clone(), strangers.clone());
-                strangers.add(tokio::spawn(exchange).abort_handle());
+                let exchange = exchange(stream, visitor, desk.clone());
+                desk.strangers.add(tokio::spawn(exchange).abort_handle());
             }
             // No descriptor is left, or the other side has gone already.
             Err(_) => {
-                strangers.end_one();
+                desk.strangers.end_one();
                 sleep(PAUSE).await;
             }
         }
@@ -127,9 +125,8 @@ pub async fn exchange(
     stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
     visitor: Visitor,
     desk: Arc<Desk>,
-    strangers: Arc<Strangers>,
 ) {
-    let service = service_fn(|request| answer(request, visitor, desk.clone(), strangers.clone()));
+    let service = service_fn(|request| answer(request, visitor, desk.clone()));
     let mut connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD)
@@ -137,7 +134,8 @@ pub async fn exchange(
         .serve_connection(TokioIo::new(stream), service)
         .with_upgrades();
     // That the other side has gone is no error.
-    if timeout(EXCHANGE, &mut connection).await.is_err() && !strangers.has(tokio::task::id()) {
+    let is_slow = timeout(EXCHANGE, &mut connection).await.is_err();
+    if is_slow && !desk.strangers.has(tokio::task::id()) {
         let _ = timeout(DOWNLOAD, connection).await;
     }
 }
@@ -146,7 +144,6 @@ async fn answer(
     request: Request<Incoming>,
     visitor: Visitor,
     desk: Arc<Desk>,
-    strangers: Arc<Strangers>,
 ) -> hyper::http::Result<Answer> {
     let head = request.headers();
     if !is_of_own_page(head) {
@@ -163,13 +160,13 @@ async fn answer(
                 respond(StatusCode::CONFLICT, JSON, error.to_string())
             }
         },
-        (&Method::GET, "/page") => open(request, visitor, desk, strangers),
+        (&Method::GET, "/page") => open(request, visitor, desk),
         (&Method::GET, "/rig.json") => respond(StatusCode::OK, JSON, rig::vocabulary().to_string()),
         (&Method::GET, path) if path == "/logs" || folder_and_name(path).is_some() => {
             if !is_authorised(head, &desk) {
                 return plain(StatusCode::UNAUTHORIZED, "recordings need the page's token\n");
             }
-            strangers.forget(tokio::task::id());
+            desk.strangers.forget(tokio::task::id());
             let path = path.to_owned();
             // Reading must not keep a STOP waiting.
             let read = tokio::task::spawn_blocking(move || recordings(&desk, &path));
@@ -192,7 +189,6 @@ fn open(
     mut request: Request<Incoming>,
     visitor: Visitor,
     desk: Arc<Desk>,
-    strangers: Arc<Strangers>,
 ) -> hyper::http::Result<Answer> {
     let head = request.headers();
     let upgrade = head.get(header::UPGRADE).map(HeaderValue::as_bytes);
@@ -203,13 +199,13 @@ fn open(
     };
     let accept = derive_accept_key(key.as_bytes());
     let upgrade = hyper::upgrade::on(&mut request);
-    let others = strangers.clone();
+    let of_task = desk.clone();
     let task = tokio::spawn(async move {
         if let Ok(Ok(stream)) = timeout(HEAD, upgrade).await {
-            socket::run(TokioIo::new(stream), visitor, &desk, &others).await;
+            socket::run(TokioIo::new(stream), visitor, &of_task).await;
         }
     });
-    strangers.add(task.abort_handle());
+    desk.strangers.add(task.abort_handle());
     Response::builder()
         .status(StatusCode::SWITCHING_PROTOCOLS)
         .header(header::CONNECTION, "upgrade")

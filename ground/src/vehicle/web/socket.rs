@@ -26,7 +26,6 @@ use tokio_tungstenite::tungstenite::protocol::{
 
 use super::desk::{Desk, Message};
 use super::model::Seen;
-use super::strangers::Strangers;
 use super::visitor::Visitor;
 
 /// Time between two messages to the page.
@@ -54,12 +53,7 @@ struct Login {
 type Socket = WebSocketStream<TokioIo<Upgraded>>;
 
 /// Serves a page until it goes away.
-pub async fn run(
-    stream: TokioIo<Upgraded>,
-    visitor: Visitor,
-    desk: &Arc<Desk>,
-    strangers: &Strangers,
-) {
+pub async fn run(stream: TokioIo<Upgraded>, visitor: Visitor, desk: &Arc<Desk>) {
     let limits = WebSocketConfig::default()
         .read_buffer_size(LONGEST)
         .max_message_size(Some(LONGEST))
@@ -71,7 +65,7 @@ pub async fn run(
     let Some(_presence) = desk.enter() else {
         return close(socket, FULL, "too many pages are open").await;
     };
-    strangers.forget(tokio::task::id());
+    desk.strangers.forget(tokio::task::id());
     // That the page has gone is no error.
     let _ = serve(&mut socket, visitor, desk).await;
 }

@@ -14,7 +14,6 @@ use ground::vehicle::web::desk::{Desk, Message};
 use ground::vehicle::web::handle::Handle;
 use ground::vehicle::web::model::Model;
 use ground::vehicle::web::rig::RigControl;
-use ground::vehicle::web::strangers::Strangers;
 use ground::vehicle::web::visitor::Visitor;
 use ground::vehicle::web::{server, vehicle_thread};
 
@@ -56,7 +55,6 @@ pub fn request(bytes: &[u8], _: u64) -> Outcome {
             theirs,
             Visitor::of(Ipv4Addr::LOCALHOST.into(), &Admission::default()),
             desk(),
-            Arc::new(Strangers::default()),
         );
         let task = tokio::spawn(exchange);
         let answer = send(bytes, ours).await;

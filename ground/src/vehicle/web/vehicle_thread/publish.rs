@@ -8,7 +8,7 @@ use client::{Frame, ServoMap, StateKind, text};
 use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
 use tvc_nano::Axis;
 
-use super::super::model::{Motion, ParameterRow, RollMotion, VehicleStatus};
+use super::super::model::{AxisMotion, Motion, ParameterRow, VehicleStatus};
 use super::super::releases::Circumstances;
 use super::{SILENCE, STATUS, Session};
 use crate::vehicle::param::Row;
@@ -100,25 +100,20 @@ impl Session<'_> {
     fn motion(&mut self) -> Motion {
         let settling = self.is_settling();
         let status = self.tracker.peek();
-        let servo = |axis, pulse_us| {
-            let map = ServoMap::of(&self.params, axis);
-            rounded(map.angle_rad(pulse_us).to_degrees())
+        let motion = |axis, rate_rad_s: f32, pulse_us| AxisMotion {
+            rate_deg_s: rounded(f64::from(rate_rad_s).to_degrees()),
+            servo_deg: rounded(ServoMap::of(&self.params, axis).angle_rad(pulse_us).to_degrees()),
+            pulse_us,
+            set_deg: f64::from(self.params.setpoint_deg(axis)),
         };
-        let roll = status.second_servo.map(|second| RollMotion {
-            rate_deg_s: rounded(f64::from(status.rate_rad_s[0]).to_degrees()),
-            servo_deg: servo(Axis::Roll, second.pulse_us),
-            pulse_us: second.pulse_us,
-            set_deg: f64::from(self.params.roll_set_deg()),
-        });
+        let [roll_rad_s, pitch_rad_s, _] = status.rate_rad_s;
+        let second = status.second_servo;
         Motion {
             time_s: rounded(status.timestamp),
             count: self.attitudes,
             attitude_deg: status.attitude_rad.map(|rad| rounded(rad.to_degrees())),
-            rate_deg_s: rounded(f64::from(status.rate_rad_s[1]).to_degrees()),
-            servo_deg: servo(Axis::Pitch, status.pulse_us),
-            pulse_us: status.pulse_us,
-            set_deg: f64::from(self.params.pitch_set_deg()),
-            roll,
+            pitch: motion(Axis::Pitch, pitch_rad_s, status.pulse_us),
+            roll: second.map(|servo| motion(Axis::Roll, roll_rad_s, servo.pulse_us)),
             tilt_sd_deg: status.tilt_sd_deg.map(|sd_deg| rounded(sd_deg.into())),
             heading_sd_deg: status.heading_sd_deg.map(|sd_deg| rounded(sd_deg.into())),
             latency_ms: rounded(self.latency_ms),
