@@ -45,14 +45,6 @@ impl Verdict {
     pub fn of(met: bool) -> Self {
         if met { Self::Met } else { Self::Missed }
     }
-
-    /// Met if nothing was missed; prints each sentence of `missed` on standard error.
-    pub fn naming(missed: &[String]) -> Self {
-        for line in missed {
-            eprintln!("missed: {line}");
-        }
-        Self::of(missed.is_empty())
-    }
 }
 
 /// Prints the error, if any, as one line on standard error and gives the exit status.

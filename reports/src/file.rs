@@ -44,8 +44,10 @@ pub fn hand_over(
         eprintln!("report: {}", path.display());
         Ok(())
     });
-    let verdict = Verdict::naming(missed);
-    printed.and(written).map(|()| verdict)
+    for line in missed {
+        eprintln!("missed: {line}");
+    }
+    printed.and(written).map(|()| Verdict::of(missed.is_empty()))
 }
 
 /// Writes `bytes` to `path`, whole or not at all. Creates the folder.

@@ -5,27 +5,25 @@ mod compare;
 pub mod page;
 pub mod sweep;
 
-use report::kind::{self, Kind};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use clap::Args;
 use client::StateKind;
 use client::state::state_of;
 use client::status::sick;
+use rig::ServoKind;
 use rig::measure::Spread;
+use tvc_nano::Axis;
 
-use clap::Args;
 use flights::figures::{Run, response, servo, spread, telemetry};
 use flights::log::{Event, Flight, Release, Step};
 use flights::requirements;
 use report::exit::Verdict;
-use report::measure::Limit::AtLeast;
-use report::measure::{Figure, Figures, data, figure, rows, shown};
-use rig::ServoKind;
-use std::path::PathBuf;
+use report::kind::{self, Kind};
+use report::measure::{Figure, Figures, Limit::AtLeast, data, figure, rows, shown};
 use sweep::Sweep;
-use tvc_nano::Axis;
 
 /// Options of `tvc report`.
 #[derive(Debug, Args)]

@@ -86,12 +86,8 @@ pub fn run(options: &Info) -> Result<Verdict> {
     Ok(standing.verdict())
 }
 
-/// What is found at a port.
-pub fn found(port: &PortOptions) -> Figures {
-    judged(port).1
-}
-
-fn judged(port: &PortOptions) -> (Standing, Figures) {
+/// What is found at a port, and how things stand.
+pub fn judged(port: &PortOptions) -> (Standing, Figures) {
     let found = look(port);
     let (standing, next) = next::next(&found);
     (standing, figures(&found, standing, &next))

@@ -11,17 +11,15 @@ use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
 use crate::cli::TOOL;
-use crate::vehicle::info;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::{PortOptions, VehicleOptions};
-use crate::vehicle::recorder;
+use crate::vehicle::{info, recorder};
 use flights::log::write_flight;
 use flights::param_file;
 use report::exit::{BadInput, Verdict};
 use report::file::write_whole;
-use report::input;
-use report::kind;
 use report::measure::{Figures, figure};
+use report::{input, kind};
 
 /// Options of `tvc support`.
 #[derive(Debug, Args)]
@@ -58,7 +56,7 @@ type Entry = (String, Vec<u8>);
 /// The log cannot be read, or the archive cannot be written.
 pub fn run(options: &Support) -> Result<Verdict> {
     let log = options.log.as_deref().map(given).transpose()?;
-    let mut info = serde_json::to_value(info::found(&options.vehicle.port))?;
+    let mut info = serde_json::to_value(info::judged(&options.vehicle.port).1)?;
     make_impersonal(&mut info, env::home_dir().as_deref());
     let mut entries = vec![("info.json".to_owned(), serde_json::to_vec_pretty(&info)?)];
     let asked = ask(&options.vehicle.port, &mut entries);
@@ -72,13 +70,12 @@ pub fn run(options: &Support) -> Result<Verdict> {
         figure("problem", missing).shown("vehicle", "", 0).or("asked"),
     ];
     Figures::from(figures).conclude(options.vehicle.json, None)?;
-    Ok(if asked.is_ok() { Verdict::Met } else { Verdict::Missed })
+    Ok(Verdict::of(asked.is_ok()))
 }
 
 /// A log that was given, under its own name.
 fn given(path: &Path) -> Result<Entry> {
-    let bytes = input::bytes(path, input::LOG)
-        .map_err(|error| BadInput::new(format!("{}: {error}", path.display())))?;
+    let bytes = input::bytes(path, input::LOG).map_err(|error| BadInput::of(path, error))?;
     let name = path.file_name().unwrap_or_default();
     Ok((name.to_string_lossy().into_owned(), bytes))
 }

@@ -4,7 +4,7 @@ use recordings::{Choice, Mode, Score};
 use report::measure::{Figure, Figures, figure, rows};
 
 /// A recording.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Recording {
     /// Its name.
     pub file: String,

@@ -54,11 +54,10 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
     let mut progress = Progress::new(bytes);
     let (mut recordings, mut written) = (Vec::new(), Vec::new());
     for (mut source, live, place) in jobs {
-        let out = place.as_deref().map(WholeFile::create).transpose()?;
-        let mut outcome = Outcome::new(out)?;
+        let mut outcome = Outcome::new(source.name(), place.as_deref())?;
         outcome.run(&mut source, live, &choice, &mut progress)?;
         progress.part_done(source.bytes());
-        recordings.push(outcome.at(source.name(), place.as_deref()));
+        recordings.push(outcome.recording);
         written.extend(outcome.out);
     }
     progress.end();
@@ -79,19 +78,21 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
 
 /// What was counted, scored and written of a recording.
 struct Outcome {
-    samples: u64,
-    magnetometer_samples: u64,
+    recording: Recording,
     scorer: Scorer,
     out: Option<WholeFile>,
 }
 
 impl Outcome {
-    /// Nothing yet; estimates go into a file that is given.
-    fn new(mut out: Option<WholeFile>) -> Result<Self> {
+    /// Nothing yet of the recording of this name; estimates go to a place that is given.
+    fn new(name: &str, place: Option<&Path>) -> Result<Self> {
+        let mut out = place.map(WholeFile::create).transpose()?;
         if let Some(out) = &mut out {
             writeln!(out, "t,w,x,y,z").context(WRITING)?;
         }
-        Ok(Self { samples: 0, magnetometer_samples: 0, scorer: Scorer::default(), out })
+        let place = place.map(|path| path.display().to_string());
+        let recording = Recording { file: name.to_owned(), out: place, ..Recording::default() };
+        Ok(Self { recording, scorer: Scorer::default(), out })
     }
 
     /// Estimates at every sample of `source`: at once by the filter that is `live`, or else by that
@@ -121,6 +122,7 @@ impl Outcome {
                 self.add(sample, ned)?;
             }
         }
+        self.recording.score = self.scorer.score();
         Ok(())
     }
 
@@ -134,18 +136,8 @@ impl Outcome {
         {
             self.scorer.add(ned, reference);
         }
-        self.magnetometer_samples += u64::from(sample.mag_ut.is_some());
-        self.samples += 1;
+        self.recording.magnetometer_samples += u64::from(sample.mag_ut.is_some());
+        self.recording.samples += 1;
         Ok(())
-    }
-
-    fn at(&self, name: &str, place: Option<&Path>) -> Recording {
-        Recording {
-            file: name.to_owned(),
-            out: place.map(|path| path.display().to_string()),
-            samples: self.samples,
-            magnetometer_samples: self.magnetometer_samples,
-            score: self.scorer.score(),
-        }
     }
 }

@@ -3,8 +3,7 @@
 use anyhow::Result;
 use client::{LatchKind, StateCode, StateKind, request};
 use std::time::Duration;
-use tvc_nano::bringup::What;
-use tvc_nano::bringup::words;
+use tvc_nano::bringup::{What, words};
 
 use super::row::{Check, Row, checks};
 use super::session::{REPEATED, Session};

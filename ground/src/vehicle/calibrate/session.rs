@@ -6,10 +6,9 @@ use std::time::Duration;
 use anyhow::{Result, bail};
 use calibration::prompt::Prompt;
 use calibration::{Readings, Sample};
-use client::Parameter;
-use client::StateKind;
 use client::request::status_text;
 use client::status::angles;
+use client::{Parameter, StateKind};
 use mavlink::dialects::common::MavMessage;
 use tvc_nano::Axis;
 

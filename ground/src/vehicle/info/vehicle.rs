@@ -108,24 +108,19 @@ impl Heard {
             // One that this tool does not know says nothing here.
             let _ = params.set(&row.name, row.value);
         }
-        let is_set_up = |prefix: &str| {
-            let defaults = Params::default();
-            let differs = |row: &Parameter| {
-                let default = defaults.value(&row.name);
-                // It is told apart below, and the frame rate is that of the kind of servo.
-                let counts =
-                    !matches!(&*row.name, "SRV_POLARITY" | "SRV2_POLARITY" | "SRV_RATE_HZ");
-                counts
-                    && row.name.starts_with(prefix)
-                    && default.is_some_and(|value| value != row.value)
-            };
-            self.parameters.iter().any(differs)
+        let defaults = Params::default();
+        let differs = |row: &&Parameter| {
+            // The polarity is told apart below, and the frame rate is that of the kind of servo.
+            let counts = !matches!(&*row.name, "SRV_POLARITY" | "SRV2_POLARITY" | "SRV_RATE_HZ");
+            counts && defaults.value(&row.name).is_some_and(|default| default != row.value)
         };
+        let set: Vec<_> = self.parameters.iter().filter(differs).collect();
         let is_checked = |axis: &Axis| params.polarity(*axis) == Polarity::Checked;
         let polarity_checked = params.axes().iter().all(is_checked);
         // A servo may be as the defaults say: whoever has seen the rudder answer knows.
         let is_done = |(name, prefix): &&(&str, &str)| {
-            is_set_up(prefix) || (*name == SERVO && polarity_checked)
+            let is_set_up = set.iter().any(|row| row.name.starts_with(prefix));
+            is_set_up || (*name == SERVO && polarity_checked)
         };
         let (calibrated, uncalibrated): (Vec<_>, Vec<_>) = CALIBRATED.iter().partition(is_done);
         let names =

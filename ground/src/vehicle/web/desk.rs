@@ -189,6 +189,9 @@ impl Desk {
 
     /// Gives an order to the vehicle at once; what becomes of it comes later.
     pub fn give(&self, message: Message) -> Outcome {
+        if message.is_stop() {
+            return self.stop();
+        }
         let given = self.begin(message.order, message.heard_ms);
         given.unwrap_or_else(|refusal| Box::pin(async { Err(refusal) }))
     }
@@ -237,10 +240,7 @@ impl Desk {
     }
 
     fn begin(&self, order: Order, heard_ms: u64) -> Result<Outcome> {
-        let condition = match order {
-            Order::Stop => return Ok(self.stop()),
-            _ => self.condition(heard_ms)?,
-        };
+        let condition = self.condition(heard_ms)?;
         if !order.goes_with_set_up() {
             not_set_up(&self.model.lock())?;
         }

@@ -111,7 +111,7 @@ pub fn run(options: &Web) -> Result<Verdict> {
     let once = Once::new()?;
     // Behind # it stays in the browser: no request carries it, and no log.
     let url = |word: &str| format!("http://{address}/#token={word}");
-    let (url, opened) = (url(token.text()), url(&once.text()));
+    let (url, opened) = (url(&token.0), url(&once.text()));
     let model = Arc::new(Model::default());
     let (handle, asks) = Handle::new();
     let desk = Desk::new(

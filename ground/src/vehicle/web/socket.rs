@@ -78,7 +78,7 @@ async fn is_admitted(socket: &mut Socket, desk: &Desk) -> bool {
     let Ok(Login { token }) = serde_json::from_str(&text) else {
         return false;
     };
-    let token_of_now = json!({ "token": desk.token.text() });
+    let token_of_now = json!({ "token": desk.token.0 });
     desk.token.is(&token)
         || (desk.once.take(&token)
             && send(socket, Frame::text(token_of_now.to_string())).await.is_ok())

@@ -63,18 +63,13 @@ pub fn run(
         let problem = match link.take().map_or_else(open, Ok) {
             Ok(link) => {
                 let mut session = Session::new(link, model, logs);
-                let ended = session.run(&asks, stop);
-                left_armed = ended.is_err() && session.is_in_operation();
-                match ended {
-                    Ok(()) => {
-                        session.rest();
-                        return session.close();
-                    }
-                    Err(gone) => {
-                        session.close()?;
-                        gone
-                    }
-                }
+                let Err(gone) = session.run(&asks, stop) else {
+                    session.rest();
+                    return session.close();
+                };
+                left_armed = session.is_in_operation();
+                session.close()?;
+                gone
             }
             Err(error) => error,
         };

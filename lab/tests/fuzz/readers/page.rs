@@ -26,7 +26,7 @@ const PIPE: usize = 64 * 1024;
 fn desk() -> Arc<Desk> {
     let (handle, _) = Handle::new();
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/fuzz_corpus/log").into();
-    let secrets = (Token::known(TOKEN), Once::new().unwrap());
+    let secrets = (Token(TOKEN.to_owned()), Once::new().unwrap());
     Arc::new(Desk::new(
         secrets,
         handle,
