@@ -1,26 +1,20 @@
 //! The command line: every command with what it does, in the order of the help. The options and
 //! the code of a command are in the module of its name.
 
+use anyhow::Result;
 use clap::{CommandFactory, Parser, Subcommand};
 
-use crate::filters::fuse::Fuse;
-use crate::flight::{fly::Fly, rig::Rig};
-use crate::logs::{inspect::LogCommand, replay::Replay, report::Report};
-use crate::shell::{Completions, Man};
-use crate::vehicle::arm::Operate;
-use crate::vehicle::bringup::Bringup;
-use crate::vehicle::calibrate::Calibrate;
-use crate::vehicle::flash::Flash;
-use crate::vehicle::forward::Forward;
-use crate::vehicle::info::Info;
-use crate::vehicle::monitor::Monitor;
-use crate::vehicle::param::Param;
-use crate::vehicle::record::Record;
-use crate::vehicle::release::Release;
-use crate::vehicle::support::Support;
-use crate::vehicle::test::Test;
-use crate::vehicle::web::Web;
-use design::{identify::Identify, model::Model, montecarlo::MonteCarlo, tune::Tune};
+use crate::filters::fuse;
+use crate::flight::{fly, rig};
+use crate::image::ImageOption;
+use crate::logs::{inspect, replay, report};
+use crate::shell;
+use crate::vehicle::{
+    arm, bringup, calibrate, flash, forward, info, monitor, param, record, release, support, test,
+    web,
+};
+use ::report::exit::Verdict;
+use design::{identify, model, montecarlo, tune};
 
 /// Version of the tool, and what tells builds of it apart: a sum over its sources and the image's.
 const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " ", env!("TVC_TOOL_BUILD"));
@@ -64,66 +58,87 @@ pub fn command() -> clap::Command {
     command.help_template(help)
 }
 
-/// The commands of the tool, in the order of the help: the rig, the vehicle, its logs, the physics,
-/// the filters.
-#[derive(Debug, Subcommand)]
-pub enum Command {
+/// The commands of the tool: its options, and the function that carries it out, for each.
+macro_rules! commands {
+    ($($(#[$about:meta])* $name:ident($options:ty) => $run:path;)+) => {
+        /// The commands of the tool.
+        #[derive(Debug, Subcommand)]
+        pub enum Command {
+            $($(#[$about])* $name($options),)+
+        }
+
+        impl Command {
+            /// Carries out the command.
+            pub fn run(&self) -> Result<Verdict> {
+                match self {
+                    $(Self::$name(options) => $run(options),)+
+                }
+            }
+        }
+    };
+}
+
+commands! {
     /// Build the image, boot it on the virtual rig and let it bring the drone upright.
-    Fly(Fly),
+    Fly(fly::Fly) => fly::run;
     /// Run the virtual rig in real time, its port behind a pseudo-terminal.
-    Rig(Rig),
+    Rig(rig::Rig) => rig::run;
     /// Look at port, vehicle, builds and calibration, and say what to do next.
     #[command(alias = "doctor")]
-    Info(Info),
+    Info(info::Info) => info::run;
     /// Collect what a bug report needs in one file, without anything personal.
-    Support(Support),
+    Support(support::Support) => support::run;
     /// Build the image and put it on a Nano, or write it as a file.
-    Flash(Flash),
+    Flash(flash::Flash) => flash::run;
     /// Examine a board for the first time: chip, clocks, sensor, servo, watchdog.
-    Bringup(Bringup),
+    Bringup(bringup::Bringup) => bringup::run;
     /// Calibrate sensors, servo and polarity, guided at the vehicle or from a recording.
-    Calibrate(Calibrate),
+    Calibrate(calibrate::Calibrate) => calibrate::run;
     /// Show, change, compare, load and keep parameters.
-    Param(Param),
+    Param(param::Param) => param::run;
     /// Watch the vehicle live.
-    Monitor(Monitor),
+    Monitor(monitor::Monitor) => monitor::run;
     /// Watch, tune and stop the vehicle from a page in the browser.
-    Web(Web),
+    Web(web::Web) => web::run;
     /// Keep in a log what the vehicle sends, or its own record of the last release.
-    Record(Record),
+    Record(record::Record) => record::run;
     /// Pass everything on to QGroundControl and PlotJuggler.
-    Forward(Forward),
+    Forward(forward::Forward) => forward::run;
     /// Arm the vehicle.
-    Arm(Operate),
+    Arm(arm::Operate) => arm::arm;
     /// Disarm the vehicle: rudder to neutral.
-    Disarm(Operate),
+    Disarm(arm::Operate) => arm::disarm;
     /// Let an armed vehicle go, and disarm it at the end.
-    Release(Release),
+    Release(release::Release) => release::run;
     /// Start the vehicle anew.
-    Reboot(Operate),
+    Reboot(arm::Operate) => arm::reboot;
     /// Fly a manoeuvre on the tether and measure it.
-    Test(Test),
+    Test(test::Test) => test::run;
     /// Make an HTML report of a log.
-    Report(Report),
+    Report(report::Report) => report::run;
     /// Run the firmware's library on a log, bit for bit or with something changed.
-    Replay(Replay),
+    Replay(replay::Replay) => replay::run;
     /// Say what a log holds, cut a part out, recover a broken one, write it in another form.
-    Log(LogCommand),
+    Log(inspect::LogCommand) => inspect::run;
     /// Find thrust, inertia, servo speed and delay from a recorded run.
-    Identify(Identify),
+    Identify(identify::Identify) => identify::run;
     /// The drone's physics: simulate it, make it linear, fly a log's release again.
-    Model(Model),
+    Model(model::Model) => model::run;
     /// Find gains for a drone and servo from requirements.
-    Tune(Tune),
+    Tune(tune::Tune) => run_tune;
     /// Fly many dispersed drones on the model and say how many pass.
     #[command(name = "montecarlo")]
-    MonteCarlo(MonteCarlo),
+    MonteCarlo(montecarlo::MonteCarlo) => montecarlo::run;
     /// Run an attitude filter on recordings, and score it against their references.
-    Fuse(Fuse),
+    Fuse(fuse::Fuse) => fuse::run;
     /// Print the completions of a shell.
-    Completions(Completions),
+    Completions(shell::Completions) => shell::completions;
     /// Write manual pages of all commands.
-    Man(Man),
+    Man(shell::Man) => shell::man;
+}
+
+fn run_tune(options: &tune::Tune) -> Result<Verdict> {
+    tune::run(options, || ImageOption::default().image())
 }
 
 #[cfg(test)]

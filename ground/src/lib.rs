@@ -29,9 +29,8 @@ use std::process::ExitCode;
 use clap::FromArgMatches;
 use clap::error::ErrorKind;
 
-use cli::{Cli, Command};
+use cli::Cli;
 use config::Config;
-use image::ImageOption;
 use report::exit::{BadInput, Verdict};
 
 /// `tvc`: carries out the command line of this process.
@@ -43,7 +42,7 @@ pub fn main() -> ExitCode {
         eprintln!("note: {what}");
     }
     let words = name.into_iter().chain(words).collect();
-    carry_out(cli::command(), words, |cli: Cli| run(cli.command))
+    carry_out(cli::command(), words, |cli: Cli| cli.command.run())
 }
 
 /// Parses a command line with the configuration's defaults, and runs it.
@@ -65,38 +64,6 @@ pub fn carry_out<C: FromArgMatches>(
         (Ok(_), Err(error)) => Err(error.into()),
         (Ok(cli), Ok(_)) => run(cli),
     })
-}
-
-fn run(command: Command) -> anyhow::Result<Verdict> {
-    match command {
-        Command::Fly(options) => flight::fly::run(&options),
-        Command::Fuse(options) => filters::fuse::run(&options),
-        Command::Flash(options) => vehicle::flash::run(&options),
-        Command::Model(options) => design::model::run(&options),
-        Command::Identify(options) => design::identify::run(&options),
-        Command::Tune(options) => design::tune::run(&options, || ImageOption::default().image()),
-        Command::MonteCarlo(options) => design::montecarlo::run(&options),
-        Command::Rig(options) => flight::rig::run(&options),
-        Command::Info(options) => vehicle::info::run(&options),
-        Command::Support(options) => vehicle::support::run(&options),
-        Command::Bringup(options) => vehicle::bringup::run(&options),
-        Command::Param(options) => vehicle::param::run(&options),
-        Command::Arm(options) => vehicle::arm::arm(&options),
-        Command::Disarm(options) => vehicle::arm::disarm(&options),
-        Command::Release(options) => vehicle::release::run(&options),
-        Command::Reboot(options) => vehicle::arm::reboot(&options),
-        Command::Monitor(options) => vehicle::monitor::run(&options),
-        Command::Record(options) => vehicle::record::run(&options),
-        Command::Forward(options) => vehicle::forward::run(&options),
-        Command::Calibrate(options) => vehicle::calibrate::run(&options),
-        Command::Replay(options) => logs::replay::run(&options),
-        Command::Log(options) => logs::inspect::run(&options),
-        Command::Report(options) => logs::report::run(&options),
-        Command::Test(options) => vehicle::test::run(&options),
-        Command::Completions(options) => shell::completions(&options, cli::command()),
-        Command::Man(options) => shell::man(&options, cli::command()),
-        Command::Web(options) => vehicle::web::run(&options),
-    }
 }
 
 /// The command line parser's complaint as one line: its first paragraph, which may list the values

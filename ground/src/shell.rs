@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use clap::{Args, Command};
+use clap::Args;
 use clap_complete::Shell;
 
+use crate::cli;
 use report::exit::{BadInput, Verdict};
 use report::file::print;
 
@@ -44,9 +45,9 @@ pub struct Man {
 ///
 /// # Errors
 /// Standard output cannot be written.
-pub fn completions(options: &Completions, mut tvc: Command) -> Result<Verdict> {
+pub fn completions(options: &Completions) -> Result<Verdict> {
     let mut script = Vec::new();
-    clap_complete::generate(options.shell, &mut tvc, "tvc", &mut script);
+    clap_complete::generate(options.shell, &mut cli::command(), "tvc", &mut script);
     print(String::from_utf8(script).context("the completions")?)?;
     Ok(Verdict::Met)
 }
@@ -55,11 +56,10 @@ pub fn completions(options: &Completions, mut tvc: Command) -> Result<Verdict> {
 ///
 /// # Errors
 /// [`BadInput`] for a folder that cannot be written.
-pub fn man(options: &Man, tvc: Command) -> Result<Verdict> {
+pub fn man(options: &Man) -> Result<Verdict> {
     let folder = &options.folder;
-    let written =
-        std::fs::create_dir_all(folder).and_then(|()| clap_mangen::generate_to(tvc, folder));
-    written
+    std::fs::create_dir_all(folder)
+        .and_then(|()| clap_mangen::generate_to(cli::command(), folder))
         .map_err(|error| BadInput::new(format!("cannot write {}: {error}", folder.display())))?;
     eprintln!("wrote manual pages to {}", folder.display());
     Ok(Verdict::Met)
@@ -68,20 +68,19 @@ pub fn man(options: &Man, tvc: Command) -> Result<Verdict> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::Cli;
-    use clap::{CommandFactory, ValueEnum};
+    use clap::ValueEnum;
 
     #[test]
     fn every_shell_and_every_command_is_served() {
         for shell in Shell::value_variants() {
             let mut script = Vec::new();
-            clap_complete::generate(*shell, &mut Cli::command(), "tvc", &mut script);
+            clap_complete::generate(*shell, &mut cli::command(), "tvc", &mut script);
             let script = String::from_utf8(script).unwrap();
             assert!(script.contains("montecarlo"), "{shell}");
         }
         let folder = tempfile::tempdir().unwrap();
         let deep = folder.path().join("man1");
-        let man = |folder| super::man(&Man { folder }, Cli::command());
+        let man = |folder| super::man(&Man { folder });
         man(deep.clone()).unwrap();
         for page in ["tvc.1", "tvc-fly.1", "tvc-param-load.1"] {
             let text = std::fs::read_to_string(deep.join(page)).unwrap();
