@@ -3,10 +3,7 @@
 use std::ops::RangeInclusive;
 
 use tvc_fusion::filter::Real;
-use tvc_fusion::{
-    Complementary, Config, ConfigError, Estimator, Filter, Gyro, Kalman, Madgwick, Mahony,
-    Quaternion, Sample, Vqf, fixed,
-};
+use tvc_fusion::{Config, ConfigError, Estimator, Filter, Quaternion, Sample, fixed};
 
 use crate::score::unit;
 use crate::settings::{self, Gains};
@@ -14,6 +11,21 @@ use crate::{Choice, Facts, FilterName, Mode, RecordedSample, Scalar};
 
 /// Most steps that a sampling period is divided into in fixed point.
 const MOST_PARTS: f64 = 1000.0;
+
+/// Calls a function of the filter that has this name, in floating point of this kind.
+macro_rules! by_name {
+    ($name:expr, $real:ty, $run:ident($($given:expr),+)) => {
+        match $name {
+            FilterName::Gyro => $run::<tvc_fusion::Gyro<$real>>($($given),+),
+            FilterName::Complementary => $run::<tvc_fusion::Complementary<$real>>($($given),+),
+            FilterName::Mahony => $run::<tvc_fusion::Mahony<$real>>($($given),+),
+            FilterName::Madgwick => $run::<tvc_fusion::Madgwick<$real>>($($given),+),
+            FilterName::Vqf => $run::<tvc_fusion::Vqf<$real>>($($given),+),
+            FilterName::Kalman => $run::<tvc_fusion::Kalman<$real>>($($given),+),
+        }
+    };
+}
+pub(crate) use by_name;
 
 /// A filter that runs on a recording.
 pub struct Estimate {
@@ -36,20 +48,18 @@ impl Estimate {
     /// A setting that is not there or out of range, a filter without fixed point.
     pub fn new(choice: &Choice, facts: &Facts) -> Result<Self, String> {
         let engine = match (choice.scalar, choice.filter) {
-            (Scalar::F32, _) => float::<f32>(choice, facts)?,
-            (Scalar::F64, _) => float::<f64>(choice, facts)?,
-            (Scalar::Fixed, FilterName::Mahony) => in_fixed::<fixed::Mahony>(choice, facts)?,
-            (Scalar::Fixed, FilterName::Vqf) => in_fixed::<fixed::Vqf>(choice, facts)?,
-            (Scalar::Fixed, FilterName::Madgwick) => in_fixed::<fixed::Madgwick>(choice, facts)?,
+            (Scalar::F32, filter) => by_name!(filter, f32, in_float(choice, facts)),
+            (Scalar::F64, filter) => by_name!(filter, f64, in_float(choice, facts)),
+            (Scalar::Fixed, FilterName::Mahony) => in_fixed::<fixed::Mahony>(choice, facts),
+            (Scalar::Fixed, FilterName::Vqf) => in_fixed::<fixed::Vqf>(choice, facts),
+            (Scalar::Fixed, FilterName::Madgwick) => in_fixed::<fixed::Madgwick>(choice, facts),
             (Scalar::Fixed, FilterName::Complementary) => {
-                in_fixed::<fixed::Complementary>(choice, facts)?
+                in_fixed::<fixed::Complementary>(choice, facts)
             }
-            (Scalar::Fixed, other @ (FilterName::Gyro | FilterName::Kalman)) => {
-                return Err(format!(
-                    "{other} has no fixed-point form; complementary, mahony, madgwick and vqf have one"
-                ));
-            }
-        };
+            (Scalar::Fixed, other @ (FilterName::Gyro | FilterName::Kalman)) => Err(format!(
+                "{other} has no fixed-point form; complementary, mahony, madgwick and vqf have one"
+            )),
+        }?;
         Ok(Self {
             engine,
             magnetometer: choice.mode == Mode::NineD,
@@ -71,17 +81,6 @@ impl Estimate {
     pub fn step(&mut self, dt_s: f64, sample: &RecordedSample) -> [f64; 4] {
         let mag_ut = sample.mag_ut.filter(|_| self.magnetometer);
         self.engine.update(dt_s, sample, mag_ut)
-    }
-}
-
-fn float<T: Real + 'static>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, String> {
-    match choice.filter {
-        FilterName::Gyro => in_float::<Gyro<T>>(choice, facts),
-        FilterName::Complementary => in_float::<Complementary<T>>(choice, facts),
-        FilterName::Mahony => in_float::<Mahony<T>>(choice, facts),
-        FilterName::Madgwick => in_float::<Madgwick<T>>(choice, facts),
-        FilterName::Vqf => in_float::<Vqf<T>>(choice, facts),
-        FilterName::Kalman => in_float::<Kalman<T>>(choice, facts),
     }
 }
 

@@ -1,10 +1,9 @@
 //! Runs a filter over a whole recording, in both directions of time.
 
-use tvc_fusion::filter::Real;
 use tvc_fusion::offline::{self, TimedSample};
-use tvc_fusion::{Complementary, Filter, Gyro, Kalman, Madgwick, Mahony, Quaternion, Vqf};
+use tvc_fusion::{Filter, Quaternion};
 
-use crate::estimate::{config, double, refused, sample};
+use crate::estimate::{by_name, config, double, refused, sample};
 use crate::score::unit;
 use crate::settings::Gains;
 use crate::{Choice, Facts, FilterName, Mode, RecordedSample, Scalar, Setting};
@@ -21,31 +20,16 @@ pub fn smooth(
     facts: &Facts,
     samples: &[RecordedSample],
 ) -> Result<Vec<[f64; 4]>, String> {
-    match choice.scalar {
-        Scalar::F32 => by_name::<f32>(choice, facts, samples),
-        Scalar::F64 => by_name::<f64>(choice, facts, samples),
-        Scalar::Fixed => Err("fixed point does not run offline: choose f32 or f64".to_owned()),
+    let mut choice = choice.clone();
+    if choice.filter == FilterName::Vqf {
+        // A preset that is chosen stands behind it, and counts.
+        let preset = Setting { key: "preset".to_owned(), value: "offline".to_owned() };
+        choice.settings.insert(0, preset);
     }
-}
-
-fn by_name<T: Real>(
-    choice: &Choice,
-    facts: &Facts,
-    samples: &[RecordedSample],
-) -> Result<Vec<[f64; 4]>, String> {
-    match choice.filter {
-        FilterName::Gyro => run::<Gyro<T>>(choice, facts, samples),
-        FilterName::Complementary => run::<Complementary<T>>(choice, facts, samples),
-        FilterName::Mahony => run::<Mahony<T>>(choice, facts, samples),
-        FilterName::Madgwick => run::<Madgwick<T>>(choice, facts, samples),
-        FilterName::Kalman => run::<Kalman<T>>(choice, facts, samples),
-        FilterName::Vqf => {
-            let mut choice = choice.clone();
-            // A preset that is chosen stands behind it, and counts.
-            let preset = Setting { key: "preset".to_owned(), value: "offline".to_owned() };
-            choice.settings.insert(0, preset);
-            run::<Vqf<T>>(&choice, facts, samples)
-        }
+    match choice.scalar {
+        Scalar::F32 => by_name!(choice.filter, f32, run(&choice, facts, samples)),
+        Scalar::F64 => by_name!(choice.filter, f64, run(&choice, facts, samples)),
+        Scalar::Fixed => Err("fixed point does not run offline: choose f32 or f64".to_owned()),
     }
 }
 

@@ -123,28 +123,24 @@ pub fn run(options: &Web) -> Result<Verdict> {
         model.clone(),
     );
     let desk = Arc::new(desk);
-    let runtime = runtime::Builder::new_current_thread()
-        .enable_io()
-        .enable_time()
-        .build()
-        .context("serving the page")?;
+    let runtime = runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.context("serving the page")?;
     print(format_args!("{url}\n"))?;
     if !address.ip().is_loopback() {
-        eprintln!(
-            "{}",
-            match options.admission.is_open() {
-                true =>
-                    "warning: whoever may command and has this address can arm the vehicle from the network, and the address is not \
-                     encrypted on its way",
-                false =>
-                    "others who have this address see the vehicle and can stop it; --accept-commands-from lets them command it",
+        let words = match options.admission.is_open() {
+            true => {
+                "warning: whoever may command and has this address can arm the vehicle from the network, \
+                 and the address is not encrypted on its way"
             }
-        );
-        if address.ip().is_unspecified() {
-            eprintln!(
-                "on other computers put this one's own address in the place of {}",
-                address.ip()
-            );
+            false => {
+                "others who have this address see the vehicle and can stop it; \
+                 --accept-commands-from lets them command it"
+            }
+        };
+        eprintln!("{words}");
+        let ip = address.ip();
+        if ip.is_unspecified() {
+            eprintln!("on other computers put this one's own address in the place of {ip}");
         }
     }
     eprintln!("the page is served until Ctrl-C");
