@@ -23,61 +23,53 @@ use core::panic::PanicInfo;
 
 use subject::Subject;
 
-/// Whose update it is.
+/// Whose update it is: of a filter without a magnetometer or with one, or of something else.
 macro_rules! subject {
-    ($($feature:literal: $subject:ty,)*) => {
+    (
+        $($six:literal $nine:literal: $($filter:ident)::+<$($of:ty)?>,)*
+        $(=> $feature:literal: $subject:ty,)*
+    ) => {
+        $(
+            #[cfg(feature = $six)]
+            type Measured = $($filter)::+<$($of,)? false>;
+            #[cfg(feature = $nine)]
+            type Measured = $($filter)::+<$($of,)? true>;
+        )*
         $(
             #[cfg(feature = $feature)]
             type Measured = $subject;
         )*
-        #[cfg(not(any($(feature = $feature),*)))]
+        #[cfg(not(any($(feature = $six, feature = $nine,)* $(feature = $feature),*)))]
         type Measured = subject::Nothing;
     };
 }
 
 subject! {
-    "gyro-6d": tvc_fusion::Float<::tvc_fusion::Gyro, false>,
-    "gyro-9d": tvc_fusion::Float<::tvc_fusion::Gyro, true>,
-    "complementary-6d": tvc_fusion::Float<::tvc_fusion::Complementary, false>,
-    "complementary-9d": tvc_fusion::Float<::tvc_fusion::Complementary, true>,
-    "kalman-6d": tvc_fusion::Float<::tvc_fusion::Kalman, false>,
-    "kalman-9d": tvc_fusion::Float<::tvc_fusion::Kalman, true>,
-    "mahony-6d": tvc_fusion::Float<::tvc_fusion::Mahony, false>,
-    "mahony-9d": tvc_fusion::Float<::tvc_fusion::Mahony, true>,
-    "madgwick-6d": tvc_fusion::Float<::tvc_fusion::Madgwick, false>,
-    "madgwick-9d": tvc_fusion::Float<::tvc_fusion::Madgwick, true>,
-    "vqf-6d": tvc_fusion::Float<::tvc_fusion::Vqf, false>,
-    "vqf-9d": tvc_fusion::Float<::tvc_fusion::Vqf, true>,
-    "fixed-complementary-6d": tvc_fusion::Fixed<::tvc_fusion::fixed::Complementary, false>,
-    "fixed-complementary-9d": tvc_fusion::Fixed<::tvc_fusion::fixed::Complementary, true>,
-    "fixed-madgwick-6d": tvc_fusion::Fixed<::tvc_fusion::fixed::Madgwick, false>,
-    "fixed-madgwick-9d": tvc_fusion::Fixed<::tvc_fusion::fixed::Madgwick, true>,
-    "fixed-mahony-6d": tvc_fusion::Fixed<::tvc_fusion::fixed::Mahony, false>,
-    "fixed-mahony-9d": tvc_fusion::Fixed<::tvc_fusion::fixed::Mahony, true>,
-    "fixed-vqf-6d": tvc_fusion::Fixed<::tvc_fusion::fixed::Vqf, false>,
-    "fixed-vqf-9d": tvc_fusion::Fixed<::tvc_fusion::fixed::Vqf, true>,
-    "roll-pitch-yaw-9d": tvc_fusion::FloatAngles,
-    "fixed-roll-pitch-yaw-9d": tvc_fusion::FixedAngles,
-    "ahrs-mahony-6d": ahrs::Filter<::ahrs::Mahony<f32>, false>,
-    "ahrs-mahony-9d": ahrs::Filter<::ahrs::Mahony<f32>, true>,
-    "ahrs-madgwick-6d": ahrs::Filter<::ahrs::Madgwick<f32>, false>,
-    "ahrs-madgwick-9d": ahrs::Filter<::ahrs::Madgwick<f32>, true>,
-    "imu-fusion-6d": imu_fusion::Filter<false>,
-    "imu-fusion-9d": imu_fusion::Filter<true>,
-    "uf-ahrs-mahony-6d": uf_ahrs::Filter<::uf_ahrs::Mahony, false>,
-    "uf-ahrs-mahony-9d": uf_ahrs::Filter<::uf_ahrs::Mahony, true>,
-    "uf-ahrs-madgwick-6d": uf_ahrs::Filter<::uf_ahrs::Madgwick, false>,
-    "uf-ahrs-madgwick-9d": uf_ahrs::Filter<::uf_ahrs::Madgwick, true>,
-    "uf-ahrs-vqf-6d": uf_ahrs::Filter<::uf_ahrs::Vqf, false>,
-    "uf-ahrs-vqf-9d": uf_ahrs::Filter<::uf_ahrs::Vqf, true>,
-    "vqf-rs-6d": vqf_rs::Filter<false>,
-    "vqf-rs-9d": vqf_rs::Filter<true>,
-    "law-pd": tvc_pid::Control<::tvc_pid::Pd<f32>>,
-    "law-fixed-pd": tvc_pid::Control<::tvc_pid::Pd<::tvc_pid::Q16>>,
-    "law-pid": tvc_pid::Control<::tvc_pid::Controller<f32, ::tvc_pid::Pid<f32>>>,
-    "law-fixed-pid": tvc_pid::Control<::tvc_pid::Controller<::tvc_pid::Q16, ::tvc_pid::Pid<::tvc_pid::Q16>>>,
-    "law-surface": tvc_pid::Control<::tvc_pid::Controller<f32, ::tvc_pid::Surface<f32>>>,
-    "law-fixed-surface": tvc_pid::Control<::tvc_pid::Controller<::tvc_pid::Q16, ::tvc_pid::Surface<::tvc_pid::Q16>>>,
+    "gyro-6d" "gyro-9d": tvc_fusion::Float<::tvc_fusion::Gyro>,
+    "complementary-6d" "complementary-9d": tvc_fusion::Float<::tvc_fusion::Complementary>,
+    "kalman-6d" "kalman-9d": tvc_fusion::Float<::tvc_fusion::Kalman>,
+    "mahony-6d" "mahony-9d": tvc_fusion::Float<::tvc_fusion::Mahony>,
+    "madgwick-6d" "madgwick-9d": tvc_fusion::Float<::tvc_fusion::Madgwick>,
+    "vqf-6d" "vqf-9d": tvc_fusion::Float<::tvc_fusion::Vqf>,
+    "fixed-complementary-6d" "fixed-complementary-9d": tvc_fusion::Fixed<::tvc_fusion::fixed::Complementary>,
+    "fixed-madgwick-6d" "fixed-madgwick-9d": tvc_fusion::Fixed<::tvc_fusion::fixed::Madgwick>,
+    "fixed-mahony-6d" "fixed-mahony-9d": tvc_fusion::Fixed<::tvc_fusion::fixed::Mahony>,
+    "fixed-vqf-6d" "fixed-vqf-9d": tvc_fusion::Fixed<::tvc_fusion::fixed::Vqf>,
+    "ahrs-mahony-6d" "ahrs-mahony-9d": ahrs::Filter<::ahrs::Mahony<f32>>,
+    "ahrs-madgwick-6d" "ahrs-madgwick-9d": ahrs::Filter<::ahrs::Madgwick<f32>>,
+    "imu-fusion-6d" "imu-fusion-9d": imu_fusion::Filter<>,
+    "uf-ahrs-mahony-6d" "uf-ahrs-mahony-9d": uf_ahrs::Filter<::uf_ahrs::Mahony>,
+    "uf-ahrs-madgwick-6d" "uf-ahrs-madgwick-9d": uf_ahrs::Filter<::uf_ahrs::Madgwick>,
+    "uf-ahrs-vqf-6d" "uf-ahrs-vqf-9d": uf_ahrs::Filter<::uf_ahrs::Vqf>,
+    "vqf-rs-6d" "vqf-rs-9d": vqf_rs::Filter<>,
+    => "roll-pitch-yaw-9d": tvc_fusion::FloatAngles,
+    => "fixed-roll-pitch-yaw-9d": tvc_fusion::FixedAngles,
+    => "law-pd": tvc_pid::Control<::tvc_pid::Pd<f32>>,
+    => "law-fixed-pd": tvc_pid::Control<::tvc_pid::Pd<::tvc_pid::Q16>>,
+    => "law-pid": tvc_pid::Control<::tvc_pid::Controller<f32, ::tvc_pid::Pid<f32>>>,
+    => "law-fixed-pid": tvc_pid::Control<::tvc_pid::Controller<::tvc_pid::Q16, ::tvc_pid::Pid<::tvc_pid::Q16>>>,
+    => "law-surface": tvc_pid::Control<::tvc_pid::Controller<f32, ::tvc_pid::Surface<f32>>>,
+    => "law-fixed-surface": tvc_pid::Control<::tvc_pid::Controller<::tvc_pid::Q16, ::tvc_pid::Surface<::tvc_pid::Q16>>>,
 }
 
 type Input = <Measured as Subject>::Input;

@@ -147,7 +147,7 @@ pub fn explore(
         .empty()
         .map(|at| Problem { at, what: "jumps by a table of which no entry is one".into() });
     walk.problems.extend(empty);
-    Found { problems: walk.problems, code: walk.tables.into_code(), frames: walk.frames }
+    Found { problems: walk.problems, code: walk.tables.code, frames: walk.frames }
 }
 
 /// The functions that have been reached, and what is known at the beginning of their paths.
@@ -223,9 +223,9 @@ impl Walk<'_> {
             let second = self.program.half(at + 2).unwrap_or(0);
             let instruction = Instruction::decode(at, op, second);
             let length = if op >> 11 > 0b11100 { 4 } else { 2 };
-            self.tables.note_code(at, length);
+            self.tables.code.extend((at..at + length).step_by(2));
             if instruction.operation == Operation::LdrLiteral {
-                self.tables.note_literal(instruction.imm);
+                self.tables.data.extend([instruction.imm, instruction.imm + 2]);
             }
             let next = self.take(function, at, length, op, &instruction, &mut state);
             let Some(depth) = state.depth() else {

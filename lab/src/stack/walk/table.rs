@@ -27,22 +27,13 @@ struct Jump {
 #[derive(Default)]
 pub struct Tables {
     jumps: BTreeMap<Place, Jump>,
-    code: BTreeSet<u32>,
+    /// Half-words of instructions that were reached.
+    pub code: BTreeSet<u32>,
     /// Half-words of literals and of tables' entries.
-    data: BTreeSet<u32>,
+    pub data: BTreeSet<u32>,
 }
 
 impl Tables {
-    /// An instruction was reached.
-    pub fn note_code(&mut self, at: u32, length: u32) {
-        self.code.extend((at..at + length).step_by(2));
-    }
-
-    /// A literal was reached.
-    pub fn note_literal(&mut self, at: u32) {
-        self.data.extend([at, at + 2]);
-    }
-
     /// A jump by a table was reached; `from` is what its entries are added to. The entries that
     /// are to be followed anew, because less is known there than before.
     pub fn note(
@@ -98,11 +89,6 @@ impl Tables {
     pub fn empty(&self) -> impl Iterator<Item = u32> {
         let empty = self.jumps.iter().filter(|(_, jump)| jump.targets.is_empty());
         empty.map(|((_, at), _)| *at)
-    }
-
-    /// Half-words of instructions that were reached.
-    pub fn into_code(self) -> BTreeSet<u32> {
-        self.code
     }
 }
 
