@@ -51,13 +51,22 @@ const PAGE: &[u8] = b"<!DOCTYPE";
 /// How much of a file tells what it is, bytes.
 const HEAD: u64 = 4096;
 
-/// The path of a page to write.
-///
-/// # Errors
-/// The name is that of another kind of file, there is a file of another kind, or its place takes no
-/// file.
-pub fn page(path: &str) -> Result<PathBuf, String> {
-    output(path, &[Kind::Page])
+/// Parsers of the path of a file to write, by the kinds that it may have. They refuse the name of
+/// another kind, a place with a file of another kind, and a place that takes no file; those by
+/// [`named`] refuse the name of no kind, too.
+macro_rules! parsers {
+    ($($parse:ident: $($name:ident $([$kind:ident])+),+;)+) => {
+        $($(
+            pub fn $name(path: &str) -> Result<PathBuf, String> {
+                $parse(path, &[$(Kind::$kind),+])
+            }
+        )+)+
+    };
+}
+
+parsers! {
+    output: page [Page], table [Table], parameters [Parameters], toml [Toml], image [Image];
+    named: waves [Waves], archive [Archive], log [Log], log_or_table [Log] [Table];
 }
 
 /// The path of a file to write: the one that was given, or else the usual one, which is looked at
@@ -65,7 +74,7 @@ pub fn page(path: &str) -> Result<PathBuf, String> {
 /// write no such file, too.
 ///
 /// # Errors
-/// As [`page`].
+/// The usual place takes no such file.
 pub fn given_or(given: Option<&Path>, usual: impl AsRef<Path>, kind: Kind) -> Result<PathBuf> {
     if let Some(path) = given {
         return Ok(path.to_owned());
@@ -85,54 +94,6 @@ pub fn try_folder(folder: &Path) -> Result<()> {
     Ok(taken.map_err(refused)?)
 }
 
-/// The path of a table to write.
-///
-/// # Errors
-/// As [`page`].
-pub fn table(path: &str) -> Result<PathBuf, String> {
-    output(path, &[Kind::Table])
-}
-
-/// The path of a parameter file to write.
-///
-/// # Errors
-/// As [`page`].
-pub fn parameters(path: &str) -> Result<PathBuf, String> {
-    output(path, &[Kind::Parameters])
-}
-
-/// The path of a TOML file to write.
-///
-/// # Errors
-/// As [`page`].
-pub fn toml(path: &str) -> Result<PathBuf, String> {
-    output(path, &[Kind::Toml])
-}
-
-/// The path of an image to write.
-///
-/// # Errors
-/// As [`page`].
-pub fn image(path: &str) -> Result<PathBuf, String> {
-    output(path, &[Kind::Image])
-}
-
-/// The path of waves to write.
-///
-/// # Errors
-/// As [`log`].
-pub fn waves(path: &str) -> Result<PathBuf, String> {
-    named(path, &[Kind::Waves])
-}
-
-/// The path of an archive to write.
-///
-/// # Errors
-/// As [`log`].
-pub fn archive(path: &str) -> Result<PathBuf, String> {
-    named(path, &[Kind::Archive])
-}
-
 /// The path of an image to write, or a folder that takes it, such as a board's drive.
 ///
 /// # Errors
@@ -142,14 +103,6 @@ pub fn image_or_folder(path: &str) -> Result<PathBuf, String> {
         return Ok(path.into());
     }
     image(path)
-}
-
-/// The path of a log to write, whose name says its form; an old one is replaced.
-///
-/// # Errors
-/// As [`page`], or the name is that of no kind.
-pub fn log(path: &str) -> Result<PathBuf, String> {
-    named(path, &[Kind::Log])
 }
 
 /// The path of a log to write, which must not be there yet.
@@ -166,14 +119,6 @@ pub fn new_log(path: &str) -> Result<PathBuf, String> {
     } else {
         Ok(path)
     }
-}
-
-/// The path of a log or a table to write, whose name says which.
-///
-/// # Errors
-/// As [`log`].
-pub fn log_or_table(path: &str) -> Result<PathBuf, String> {
-    named(path, &[Kind::Log, Kind::Table])
 }
 
 /// Whether a file is a telemetry log, by its name.

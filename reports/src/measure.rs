@@ -362,7 +362,19 @@ impl Figures {
 
     /// Label, value and limit of everything that is in no table of its own.
     pub fn lines(&self) -> Table {
-        lines(self.0.iter().flat_map(|figure| figure.leaves(false)))
+        let figures = self.0.iter().flat_map(|figure| figure.leaves(false));
+        let figures: Vec<&Figure> = figures.collect();
+        let limited = figures.iter().any(|figure| figure.limit.is_some());
+        let row = |figure: &&Figure| {
+            let mut row = vec![figure.label.clone(), figure.amount()];
+            if limited {
+                let missed = if figure.is_met() { "" } else { " (missed)" };
+                row.push(figure.required() + missed);
+            }
+            row
+        };
+        let head = if limited { &["", "measured", "required"][..] } else { &[] };
+        Table::new(head.iter().copied(), figures.iter().map(row))
     }
 
     /// Label and value of everything that is in no table of its own.
@@ -434,22 +446,6 @@ impl Figures {
 /// For `--json`: whether every limit holds, and where in the object those stand that do not.
 pub fn judged(missed: Vec<String>) -> Vec<Figure> {
     vec![figure("met", missed.is_empty()), rows("missed", missed)]
-}
-
-/// A table of figures: label, value, limit.
-pub fn lines<'a>(figures: impl IntoIterator<Item = &'a Figure>) -> Table {
-    let figures: Vec<&Figure> = figures.into_iter().collect();
-    let limited = figures.iter().any(|figure| figure.limit.is_some());
-    let row = |figure: &&Figure| {
-        let mut row = vec![figure.label.clone(), figure.amount()];
-        if limited {
-            let missed = if figure.is_met() { "" } else { " (missed)" };
-            row.push(figure.required() + missed);
-        }
-        row
-    };
-    let head = if limited { &["", "measured", "required"][..] } else { &[] };
-    Table::new(head.iter().copied(), figures.iter().map(row))
 }
 
 #[cfg(test)]
