@@ -205,9 +205,7 @@ fn check_polarity(found: &mut Found, readings: &Readings, gravity: f64) {
 
 /// The worst axis, in words.
 fn disagreement(matrix: &Matrix3<f64>) -> String {
-    let off = matrix - Matrix3::identity();
-    let row = off.row_iter().map(|row| row.amax()).enumerate();
-    let (axis, _) = row.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
+    let (axis, _) = (matrix - Matrix3::identity()).iamax_full();
     let row = matrix.row(axis);
     format!(
         "a turn about {} is read as {:+.1} x {:+.1} y {:+.1} z",

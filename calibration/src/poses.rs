@@ -51,28 +51,25 @@ impl Face {
     pub const ALL: [Self; 6] =
         [Self::TopUp, Self::BottomUp, Self::NoseUp, Self::NoseDown, Self::RightUp, Self::LeftUp];
 
+    fn name_and_up(self) -> (&'static str, Vector3<f64>) {
+        match self {
+            Self::NoseUp => ("nose up", Vector3::x()),
+            Self::NoseDown => ("nose down", -Vector3::x()),
+            Self::RightUp => ("right side up", Vector3::y()),
+            Self::LeftUp => ("left side up", -Vector3::y()),
+            Self::BottomUp => ("bottom up", Vector3::z()),
+            Self::TopUp => ("top up", -Vector3::z()),
+        }
+    }
+
     /// In words.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::NoseUp => "nose up",
-            Self::NoseDown => "nose down",
-            Self::RightUp => "right side up",
-            Self::LeftUp => "left side up",
-            Self::BottomUp => "bottom up",
-            Self::TopUp => "top up",
-        }
+        self.name_and_up().0
     }
 
     /// What points up then, along the sensor's axes: where an accelerometer reads gravity.
     pub fn up(self) -> Vector3<f64> {
-        match self {
-            Self::NoseUp => Vector3::x(),
-            Self::NoseDown => -Vector3::x(),
-            Self::RightUp => Vector3::y(),
-            Self::LeftUp => -Vector3::y(),
-            Self::BottomUp => Vector3::z(),
-            Self::TopUp => -Vector3::z(),
-        }
+        self.name_and_up().1
     }
 
     /// The face on which a sensor rests that reads this force, if it is near one.

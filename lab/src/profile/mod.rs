@@ -153,11 +153,9 @@ fn figures(
     unit: &'static str,
     top: usize,
 ) -> Figures {
-    let (key, each) = match unit {
-        "tick" => ("cycles_per_tick", "cycles a tick"),
-        _ => ("cycles_per_s", "cycles a second"),
-    };
-    let cycles = |count: u64| figure(key, count as f64 / parts).shown(each, "", 1);
+    let key = if unit == "tick" { "cycles_per_tick" } else { "cycles_per_s" };
+    let each = format!("cycles a {unit}");
+    let cycles = |count: u64| figure(key, count as f64 / parts).shown(&*each, "", 1);
     let share = |count: u64| {
         figure("share_pct", 100.0 * count as f64 / window.cycles as f64).shown("share", "%", 2)
     };
