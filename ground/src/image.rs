@@ -52,18 +52,15 @@ impl ImageOption {
     /// # Errors
     /// As [`image`](Self::image).
     pub fn firmware(&self) -> Result<Firmware> {
-        let here = env::current_dir().unwrap_or_default();
         let (name, elf) = if let Some(path) = &self.image {
             let name = path.display().to_string();
             let elf = input::bytes(path, input::IMAGE)
                 .map_err(|error| BadInput::new(format!("cannot read the image {name}: {error}")))?;
             (name, elf)
-        } else if let Some(tree) = image_build::tree_around(&here) {
-            built(tree.to_owned())?
-        } else if !EMBEDDED.is_empty() {
-            ("the one in this program".to_owned(), EMBEDDED.to_vec())
+        } else if let Some(tree) = tree() {
+            built(tree)?
         } else {
-            built(workspace())?
+            ("the one in this program".to_owned(), EMBEDDED.to_vec())
         };
         let image = Image::parse(&name, &elf).map_err(BadInput::new)?;
         eprintln!("image: {name}");
@@ -74,21 +71,21 @@ impl ImageOption {
 /// What an image is flown or flashed from without `--image`, and its build id as a vehicle tells
 /// it; `None` if there is none.
 pub fn at_hand() -> Option<(String, String)> {
-    let here = env::current_dir().unwrap_or_default();
-    let of_tree = |tree: &Path| {
-        let id = image_build::build_id(tree).ok()?;
-        let from = format!("to be built from {}", tree.display());
-        Some((from, format!("{id:016x}")))
-    };
-    let (from, id) = match image_build::tree_around(&here) {
-        Some(tree) => of_tree(tree),
-        None if !EMBEDDED.is_empty() => {
-            let id = env!("TVC_IMAGE_BUILD").to_owned();
-            Some(("in this program".to_owned(), id))
+    let (from, id) = match tree() {
+        Some(tree) => {
+            let id = image_build::build_id(&tree).ok()?;
+            (format!("to be built from {}", tree.display()), format!("{id:016x}"))
         }
-        None => of_tree(&workspace()),
-    }?;
+        None => ("in this program".to_owned(), env!("TVC_IMAGE_BUILD").to_owned()),
+    };
     Some((from, id.chars().take(BUILD_DIGITS).collect()))
+}
+
+/// The tree that an image is built from; `None` where the one in this program is taken.
+fn tree() -> Option<PathBuf> {
+    let here = env::current_dir().unwrap_or_default();
+    let around = image_build::tree_around(&here).map(Path::to_owned);
+    around.or_else(|| EMBEDDED.is_empty().then(workspace))
 }
 
 /// The image that a tree builds, and what to call it.

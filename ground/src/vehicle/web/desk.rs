@@ -268,13 +268,9 @@ impl Desk {
                 let rig = self.rig.clone();
                 return Ok(Box::pin(async move { rig.act(&action).await.map(|_| None) }));
             }
-            Order::SetUp { step } => {
-                self.set_up(step)?;
-                return Ok(done(None));
-            }
+            Order::SetUp { step } => return self.set_up(step),
             Order::Answer { question, reply } => {
-                self.model.lock().set_up.answer(question, reply)?;
-                return Ok(done(None));
+                return self.model.lock().set_up.answer(question, reply).map(|()| done(None));
             }
             Order::Cancel => {
                 ensure!(self.model.lock().set_up.running, "nothing is under way");
@@ -338,14 +334,14 @@ impl Desk {
     }
 
     /// Begins a step of the set-up.
-    fn set_up(&self, step: Step) -> Result<()> {
+    fn set_up(&self, step: Step) -> Result<Outcome> {
         let mut state = self.model.lock();
         self.take_rudder(&state)?;
         state.set_up.begin(step);
         let (vehicle, model, logs) = (self.vehicle.clone(), self.model.clone(), self.logs.clone());
         let stop = self.test_stop;
         std::thread::spawn(move || set_up::run(step, &vehicle, &model, &logs, stop));
-        Ok(())
+        Ok(done(None))
     }
 
     /// Something begins that moves the rudder by itself.
