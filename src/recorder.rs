@@ -208,45 +208,18 @@ fn words(snapshot: &Snapshot, flight: &Flight) -> [u16; STEP_WORDS] {
         None => (NO_SAMPLE, [0; 3], [0; 3], [0; 3]),
     };
     let [w, x, y, z] = flight.orientation().wxyz_q30.map(|part| (part >> 16) as u16);
-    let [now, now_high] = halves(snapshot.now.0 as u32);
+    let [now, now_hi] = halves(snapshot.now.0 as u32);
     let fixed = |number: Q16| halves(number.to_bits().cast_unsigned());
     let [roll_rate, pitch_rate, yaw_rate] = snapshot.rates;
-    let [roll, roll_high] = fixed(roll_rate);
-    let [pitch, pitch_high] = fixed(pitch_rate);
-    let [yaw, yaw_high] = fixed(yaw_rate);
-    let [[first, first_high], [second, second_high]] = snapshot.cranks.map(fixed);
+    let [roll, roll_hi] = fixed(roll_rate);
+    let [pitch, pitch_hi] = fixed(pitch_rate);
+    let [yaw, yaw_hi] = fixed(yaw_rate);
+    let [[first, first_hi], [second, second_hi]] = snapshot.cranks.map(fixed);
     let [PulseUs(pulse), PulseUs(pulse2)] = snapshot.pulses;
     let code = snapshot.state.code() as u16;
     [
-        now,
-        now_high,
-        age,
-        a,
-        b,
-        c,
-        d,
-        e,
-        f,
-        g,
-        h,
-        i,
-        w,
-        x,
-        y,
-        z,
-        roll,
-        roll_high,
-        pitch,
-        pitch_high,
-        yaw,
-        yaw_high,
-        first,
-        first_high,
-        second,
-        second_high,
-        pulse,
-        pulse2,
-        code,
+        now, now_hi, age, a, b, c, d, e, f, g, h, i, w, x, y, z, roll, roll_hi, pitch, pitch_hi,
+        yaw, yaw_hi, first, first_hi, second, second_hi, pulse, pulse2, code,
     ]
 }
 

@@ -125,28 +125,15 @@ impl Telemetry {
     /// parameters' file again and again before it asks for the parameters.
     fn refuse_file(&mut self, message: &Message) {
         const REFUSED: u8 = 129;
-        const UNKNOWN_OPERATION: u8 = 7;
+        /// An operation that is not known.
+        const UNKNOWN: u8 = 7;
         let [system, component] = self.asker;
         let number = u16::from_le_bytes([message.byte(3), message.byte(4)]);
         let [low, high] = number.wrapping_add(1).to_le_bytes();
         let (session, operation) = (message.byte(5), message.byte(6));
         let payload = [
-            0,
-            system,
-            component,
-            low,
-            high,
-            session,
-            REFUSED,
-            1,
-            operation,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-            UNKNOWN_OPERATION,
+            0, system, component, low, high, session, REFUSED, 1, operation, 0, 0, 0, 0, 0, 0,
+            UNKNOWN,
         ];
         self.send_payload::<FILE_TRANSFER_PROTOCOL_DATA>(Priority::Event, &payload);
     }

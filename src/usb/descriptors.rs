@@ -33,29 +33,14 @@ pub(super) const SERIAL_DESCRIPTOR_BYTES: usize = 2 + 4 * SERIAL_BYTES;
 
 /// The device's descriptor. USB 2.0 without a BOS, and a composite device whose interfaces are
 /// grouped by an association.
+#[rustfmt::skip]
 pub const fn device(vendor: u16, product: u16) -> [u8; 18] {
     let [v0, v1] = vendor.to_le_bytes();
     let [p0, p1] = product.to_le_bytes();
     let packet = PACKET_BYTES as u8;
     [
-        18,
-        DEVICE,
-        0x00,
-        0x02,
-        0xEF,
-        2,
-        1,
-        packet,
-        v0,
-        v1,
-        p0,
-        p1,
-        0x10,
-        0x00,
-        MANUFACTURER,
-        PRODUCT,
-        SERIAL_NUMBER,
-        1,
+        18, DEVICE, 0x00, 0x02, 0xEF, 2, 1, packet,
+        v0, v1, p0, p1, 0x10, 0x00, MANUFACTURER, PRODUCT, SERIAL_NUMBER, 1,
     ]
 }
 
