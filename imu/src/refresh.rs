@@ -76,17 +76,7 @@ struct State {
 impl Default for State {
     /// Nothing read yet.
     fn default() -> Self {
-        Self {
-            least_us: 0,
-            most_us: PERIOD_US,
-            since_new_us: 0,
-            period_us: PERIOD_US,
-            share: 0,
-            counted: 0,
-            counted_us: 0,
-            was_new: 0,
-            field_age_us: 0,
-        }
+        Self { most_us: PERIOD_US, period_us: PERIOD_US, ..Self::zeroed() }
     }
 }
 
