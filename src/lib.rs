@@ -32,8 +32,6 @@ pub mod flight;
 mod format;
 #[cfg_attr(not(feature = "free-flight"), path = "tethered.rs")]
 mod free_flight;
-#[cfg(test)]
-mod golden;
 pub mod guard;
 pub mod led;
 pub mod mount;
@@ -49,6 +47,8 @@ pub mod servo;
 pub mod sleep;
 pub mod store;
 pub mod telemetry;
+#[cfg(test)]
+mod tests;
 pub mod ticks;
 pub mod usb;
 pub mod watchdog;

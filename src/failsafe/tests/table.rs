@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::golden::{assert_kept, assert_part_kept};
+use crate::tests::{assert_kept, assert_part_kept};
 
 /// What comes of an event in a state, over everything else that a state depends on.
 type Table = BTreeMap<(u32, usize), BTreeSet<String>>;

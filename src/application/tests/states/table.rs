@@ -10,7 +10,7 @@ use super::events::{Event, Ordered};
 use super::vehicle::{Said, Vehicle};
 use super::{Edge, Found};
 use crate::failsafe::{RefusalKind, StateCode, StateKind};
-use crate::golden::{assert_kept, assert_part_kept};
+use crate::tests::{assert_kept, assert_part_kept};
 
 fn words(code: u32) -> String {
     StateCode::try_from(code).unwrap().to_string()
