@@ -20,6 +20,7 @@
 use core::mem::take;
 
 use crate::config::GRAVITY;
+use crate::filter::View;
 use crate::quaternion::HalfRows;
 use crate::real::Real;
 use crate::rest::RestConfig;
@@ -111,19 +112,13 @@ impl<T: Real> MotionBias<T> {
         (x[0] + y[1] + z[2]) * T::from_f32(1.0 / 3.0)
     }
 
-    /// One step: the orientation after it, the acceleration if it shows a vertical, and the
-    /// correction, half a rotation vector in the body frame. True if the step corrected the offset.
+    /// One step, and its correction, half a rotation vector in the body frame. True if the step
+    /// corrected the offset.
     #[inline(never)]
-    pub(crate) fn step(
-        &mut self,
-        dt: T,
-        rows: &HalfRows<T>,
-        acc: Option<&[T; 3]>,
-        correction: &[T; 3],
-        bias: &mut [T; 3],
-    ) -> bool {
-        self.time_s += dt;
-        if let Some(acc) = acc {
+    pub(crate) fn step(&mut self, view: &View<T>, correction: &[T; 3], bias: &mut [T; 3]) -> bool {
+        let rows = &view.rows;
+        self.time_s += view.dt;
+        if let Some(acc) = &view.acc {
             for (sum, half_row) in self.half_acc.iter_mut().zip([&rows.north, &rows.east]) {
                 *sum += dot(half_row, acc);
             }

@@ -11,6 +11,7 @@
 //! seconds and corrects errors far larger than those of an ordinary disturbance.
 
 use crate::config::GRAVITY;
+use crate::filter::View;
 use crate::quaternion::HalfRows;
 use crate::range::Hidden;
 use crate::real::Real;
@@ -45,12 +46,8 @@ pub(crate) struct Seen<T> {
     pub(crate) acc_density: T,
     /// Field, uT, in the body frame, and its reference in the earth frame.
     pub(crate) field: Option<([T; 3], [T; 3])>,
-    /// Time since the last field, s.
-    pub(crate) field_dt: T,
     /// Lag of the field behind the rates, s.
     pub(crate) field_lag_s: T,
-    /// Rotation rate, rad/s.
-    pub(crate) rate: [T; 3],
 }
 
 #[derive(Clone, Debug, Default)]
@@ -71,18 +68,17 @@ impl<T: Real> Recovery<T> {
         self.left_s > T::ZERO
     }
 
-    /// One step, from the axes' hidden rotations and the observations, with the earth's axes at
-    /// half length. Gives the correction, half a rotation vector in the body frame (rad), and the
-    /// growth of the heading's variance (rad^2).
+    /// One step, from the axes' hidden rotations and the observations. Gives the correction, half a
+    /// rotation vector in the body frame (rad), and the growth of the heading's variance (rad^2).
     #[cold]
     #[inline(never)]
     pub(crate) fn step(
         &mut self,
-        dt: T,
-        rows: &HalfRows<T>,
+        view: &View<T>,
         hidden: &[Hidden<T>; 3],
         seen: &Seen<T>,
     ) -> ([T; 3], T) {
+        let (dt, rows) = (view.dt, &view.rows);
         if !self.is_active() {
             (self.covariance, self.given) = ([zero(); 3], [None; 3]);
         }
@@ -104,7 +100,7 @@ impl<T: Real> Recovery<T> {
             self.observe(&up, &expected, seen.acc_density * dt.recip());
         }
         if let Some((field, expected)) = &seen.field {
-            self.compare(rows, seen, field, expected);
+            self.compare(view, field, expected, seen.field_lag_s);
         }
         for (axis, given) in axes.iter().zip(&mut self.given) {
             if let Some(given) = given {
@@ -148,21 +144,21 @@ impl<T: Real> Recovery<T> {
     }
 
     /// The field's direction, in parts of its expected strength.
-    fn compare(&mut self, rows: &HalfRows<T>, seen: &Seen<T>, field: &[T; 3], expected: &[T; 3]) {
-        let rate = &seen.rate;
+    fn compare(&mut self, view: &View<T>, field: &[T; 3], expected: &[T; 3], lag_s: T) {
+        let rate = &view.rate;
         let scale = dot(expected, expected).sqrt().recip();
         // dm/dt = m x rate in the body frame.
         let mut now = *field;
-        add_scaled(&mut now, &cross(field, rate), seen.field_lag_s);
+        add_scaled(&mut now, &cross(field, rate), lag_s);
         let field = scaled(&now, scale);
         let off = dot(&field, &field).sqrt() - T::ONE;
         if off.within(T::from_f32(STRENGTH)) {
             let lag = T::from_f32(LAG_DEVIATION_S);
             let noise = T::from_f32(FIELD * FIELD) + dot(rate, rate) * lag * lag + off * off;
             // More samples in a correlation time say no more than one.
-            let samples = T::from_f32(FIELD_S) * seen.field_dt.recip();
+            let samples = T::from_f32(FIELD_S) * view.mag_dt.recip();
             let samples = if samples > T::ONE { samples } else { T::ONE };
-            let (field, expected) = (rows.rotate(&field), scaled(expected, scale));
+            let (field, expected) = (view.rows.rotate(&field), scaled(expected, scale));
             self.observe(&field, &expected, noise * samples);
         }
     }

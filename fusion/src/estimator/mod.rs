@@ -46,6 +46,8 @@
 mod attitude;
 mod state;
 
+use core::mem::take;
+
 use crate::config::{Config, GRAVITY};
 use crate::error::{ConfigError, in_range, positive, require};
 use crate::field::{Field, HeadingError, plausible};
@@ -229,16 +231,10 @@ impl<F: Filter> Estimator<F> {
             self.skip(if has_time { dt_s } else { 0.0 });
         } else {
             let is_next = self.skipped_s.to_bits() == 0;
-            let dt_s = if is_next { dt_s } else { self.with_skipped(dt_s) };
+            let dt_s = if is_next { dt_s } else { take(&mut self.skipped_s) + dt_s };
             self.step(dt_s, sample);
         }
         self.attitude()
-    }
-
-    /// The time since the last sample that was used, s.
-    #[cold]
-    fn with_skipped(&mut self, dt_s: f32) -> f32 {
-        core::mem::take(&mut self.skipped_s) + dt_s
     }
 
     /// A sample is skipped, `dt_s` after the one before.
@@ -325,13 +321,7 @@ impl<F: Filter> Estimator<F> {
         if self.rest.is_bias_known() {
             self.motion_bias = None;
         } else if let Some(motion_bias) = &mut self.motion_bias
-            && motion_bias.step(
-                view.dt,
-                &view.rows,
-                view.acc.as_ref(),
-                &self.pending,
-                &mut self.bias,
-            )
+            && motion_bias.step(view, &self.pending, &mut self.bias)
         {
             self.uncertainty.narrow_bias(motion_bias.variance());
         }
@@ -427,13 +417,10 @@ impl<F: Filter> Estimator<F> {
             acc: view.acc.filter(|_| F::CORRECTS),
             acc_density: self.acc_density,
             field: mag.filter(|mag| F::CORRECTS && plausible(mag)).zip(self.field.expected()),
-            field_dt: view.mag_dt,
             field_lag_s: self.field.lag_s(),
-            rate: self.rate,
         };
         let hidden = hidden.unwrap_or([Hidden::Nothing; 3]);
-        let (half_angle, heading_variance) =
-            self.recovery.step(view.dt, &view.rows, &hidden, &seen);
+        let (half_angle, heading_variance) = self.recovery.step(view, &hidden, &seen);
         add(&mut self.pending, &half_angle);
         if heading_variance > F::Real::ZERO {
             self.unsettle(heading_variance);
