@@ -28,14 +28,10 @@ impl Telemetry {
     }
 
     pub(super) fn send_event<D: MessageData>(&mut self, data: &D) {
-        self.send(Priority::Event, data);
-    }
-
-    pub(super) fn send<D: MessageData>(&mut self, priority: Priority, data: &D) {
         let mut payload = [0; MAX_PAYLOAD];
         let len = data.ser(mavlink::MavlinkVersion::V2, &mut payload);
         let payload = payload.get(..len).unwrap_or_default();
-        self.send_payload::<D>(priority, payload);
+        self.send_payload::<D>(Priority::Event, payload);
     }
 
     /// A message by its payload, for those that the dialect's own encoder is not used for.

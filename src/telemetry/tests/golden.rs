@@ -1,7 +1,6 @@
 //! Frames against pymavlink 2.4.50, byte by byte.
 
 use super::*;
-use crate::telemetry::queue::Priority;
 use crate::ticks::BurstTimes;
 
 /// The snapshot that the golden frames show.
@@ -66,18 +65,15 @@ fn before_frame_five() -> Telemetry {
 #[test]
 fn angles_are_byte_for_byte_what_pymavlink_sends() {
     let mut telemetry = before_frame_five();
-    telemetry.send(
-        Priority::Stream,
-        &ATTITUDE_DATA {
-            time_boot_ms: 1234,
-            roll: 0.5,
-            pitch: -0.25,
-            yaw: 3.0,
-            rollspeed: 0.25,
-            pitchspeed: -1.5,
-            yawspeed: 0.125,
-        },
-    );
+    telemetry.send_event(&ATTITUDE_DATA {
+        time_boot_ms: 1234,
+        roll: 0.5,
+        pitch: -0.25,
+        yaw: 3.0,
+        rollspeed: 0.25,
+        pitchspeed: -1.5,
+        yawspeed: 0.125,
+    });
     assert_eq!(telemetry.pending(), golden("attitude"));
 }
 
