@@ -279,7 +279,6 @@ impl<W: Wire> Master<W> {
 
     /// What most interrupts are for, before anything else is looked at: a byte that is not the last
     /// has come, and nothing is wrong. `None`, and nothing done, for any other.
-    #[inline]
     fn take_byte(&mut self) -> Option<()> {
         let Active { outline, step, .. } = self.active.as_mut()?;
         let Step::Reading(count) = step else {

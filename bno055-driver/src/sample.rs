@@ -12,7 +12,6 @@ pub use judge::STEP_AGE_US;
 pub(crate) use judge::{Evidence, Inspector, Judged};
 
 /// First register and length of the burst that reads all measurements of `mode`.
-#[inline(never)]
 const fn span(mode: Mode) -> (u8, u8) {
     let first = if mode.has_acc() {
         registers::ACC_DATA

@@ -35,7 +35,6 @@ fn of_words(from: usize, words: usize) -> u32 {
 
 /// With twelve words more, and the address behind them. Every second word is multiplied with the
 /// sum before it.
-#[inline(always)]
 fn with_twelve(mut at: usize, mut sum: u32) -> (usize, u32) {
     // SAFETY: reads twelve words of a value in RAM. Assembly, because what flips a bit is no write
     // that the compiler knows of, and one instruction loads three words in four cycles.

@@ -168,7 +168,6 @@ macro_rules! parameters {
             $(
                 $(#[cfg(feature = $feature)])?
                 #[doc = concat!("`", $name, "` (", $unit, "):", $($meaning),+)]
-                #[inline]
                 #[allow(clippy::indexing_slicing, reason = "there is a value for every place")]
                 pub fn $field(&self) -> f32 {
                     self.values[Place::$field as usize]

@@ -23,7 +23,6 @@ impl Pin {
     }
 
     /// Drive it high.
-    #[inline]
     pub(crate) fn high(self) {
         // SAFETY: set registers act on the bits written 1 only; every pin has one user.
         unsafe {
@@ -33,7 +32,6 @@ impl Pin {
     }
 
     /// Drive it low.
-    #[inline]
     pub(crate) fn low(self) {
         // SAFETY: as in `high`.
         unsafe {
@@ -43,7 +41,6 @@ impl Pin {
     }
 
     /// Stop driving it: a line with a pull-up goes high.
-    #[inline]
     pub(crate) fn release(self) {
         // SAFETY: as in `high`.
         unsafe { port().dirclr(self.group()).write(|w| w.bits(self.mask())) };
@@ -51,7 +48,6 @@ impl Pin {
 
     /// Its level; needs the input buffer that [`gpio`](Self::gpio) and [`connect`](Self::connect)
     /// turn on.
-    #[inline]
     pub(crate) fn is_high(self) -> bool {
         port().in_(self.group()).read().bits() & self.mask() != 0
     }

@@ -15,7 +15,6 @@ impl Checksum {
     }
 
     /// Another byte, the lowest of `byte`.
-    #[inline]
     pub(super) fn add(&mut self, byte: u32) {
         let low = self.0 ^ byte;
         let low = (low ^ (low << 4)) & 0xFF;
@@ -25,7 +24,6 @@ impl Checksum {
     /// The four bytes of `word`, in twice the time of one. The polynomial is z^16 + z^12 + z^5 + 1,
     /// and the quotient of 32 bits by it follows from 1 / (1 + a) = (1 + a) (1 + a^2) (1 + a^4) ...
     /// with a = z^4 + z^11 + z^16, as bits beyond z^31 are of no account.
-    #[inline]
     fn add_word(&mut self, word: u32) {
         let sum = self.0 ^ word;
         let once = sum ^ (sum << 4) ^ (sum << 11) ^ (sum << 16);

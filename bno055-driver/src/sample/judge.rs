@@ -274,7 +274,6 @@ impl Ones {
 }
 
 /// Whether any word has moved by more than `limit`.
-#[inline(never)]
 fn moved(from: &[i16; 3], to: &[i16; 3], limit: u16) -> bool {
     let mut pairs = from.iter().zip(to);
     pairs.any(|(from, to)| from.abs_diff(*to) > limit)

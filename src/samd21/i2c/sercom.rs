@@ -118,7 +118,6 @@ impl Wire for Sercom {
         Ok(())
     }
 
-    #[inline]
     fn next_byte(&mut self) -> Option<u8> {
         /// INTFLAG.SB.
         const BYTE: u8 = 1 << 1;
