@@ -24,14 +24,12 @@ pub struct Signed {
 impl Signed {
     /// Along the chip's axis.
     pub const fn plus(axis: Axis) -> Self {
-        let negative = false;
-        Self { axis, negative }
+        Self { axis, negative: false }
     }
 
     /// Against the chip's axis.
     pub const fn minus(axis: Axis) -> Self {
-        let negative = true;
-        Self { axis, negative }
+        Self { axis, negative: true }
     }
 }
 
