@@ -12,11 +12,15 @@ use crate::status::Identity;
 use sampling::{Errand, Sampling};
 use tvc_imu::{
     Bursts, BusError, Imu, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer,
+    Transferred,
 };
 
 /// Longest time without a good burst before the driver sets the chip up anew. A shorter glitch of
 /// the cable does not reset the chip: the driver verifies the mode, and sampling goes on.
 pub const GLITCH_US: u64 = 60_000;
+
+/// The data of a burst, or the fault that makes them unusable.
+type Judgement<T> = Result<T, SensorFault>;
 
 #[derive(Clone, Debug)]
 enum Phase {
@@ -92,7 +96,7 @@ impl Driver {
     pub fn fusion(
         &mut self,
         time: Micros,
-        outcome: Result<&[u8], BusError>,
+        outcome: Transferred<'_>,
     ) -> Result<FusionSample, SensorFault> {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return Err(self.cause());
@@ -183,11 +187,7 @@ impl Driver {
     }
 
     /// The sample in the outcome of a burst, and its evidence on the chip.
-    fn judge(
-        &mut self,
-        time: Micros,
-        outcome: Result<&[u8], BusError>,
-    ) -> Result<RawSample, SensorFault> {
+    fn judge(&mut self, time: Micros, outcome: Transferred<'_>) -> Result<RawSample, SensorFault> {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return Err(self.cause());
         };
@@ -220,7 +220,7 @@ impl Driver {
     }
 
     /// Too many bursts were wrong: the chip is set up anew.
-    fn unreliable<T>(&mut self, time: Micros) -> Result<T, SensorFault> {
+    fn unreliable<T>(&mut self, time: Micros) -> Judgement<T> {
         self.health.count(SensorFault::Unreliable);
         self.restart(time, SensorFault::Unreliable);
         Err(SensorFault::Unreliable)
@@ -266,7 +266,7 @@ impl Driver {
         }
     }
 
-    fn verified(&mut self, now: Micros, outcome: Result<&[u8], BusError>) {
+    fn verified(&mut self, now: Micros, outcome: Transferred<'_>) {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return;
         };
@@ -292,11 +292,7 @@ impl Driver {
 
     /// Draws the conclusions from a judged burst; withholds good data while a register is
     /// mismatched.
-    fn conclude<T>(
-        &mut self,
-        time: Micros,
-        judged: Result<T, SensorFault>,
-    ) -> Result<T, SensorFault> {
+    fn conclude<T>(&mut self, time: Micros, judged: Judgement<T>) -> Judgement<T> {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return Err(self.cause());
         };
@@ -328,7 +324,7 @@ impl Driver {
     }
 
     /// Draws the conclusions from a failed burst.
-    fn no_data<T>(&mut self, time: Micros, fault: SensorFault) -> Result<T, SensorFault> {
+    fn no_data<T>(&mut self, time: Micros, fault: SensorFault) -> Judgement<T> {
         if let Phase::Sampling(sampling) = &mut self.phase {
             sampling.burst_ended();
         }
@@ -388,7 +384,7 @@ impl Imu for Driver {
         }
     }
 
-    fn complete(&mut self, now: Micros, outcome: Result<&[u8], BusError>) {
+    fn complete(&mut self, now: Micros, outcome: Transferred<'_>) {
         match &mut self.phase {
             Phase::Startup(startup) => {
                 let progress = startup.complete(now, outcome, &self.config);
@@ -429,16 +425,12 @@ impl Imu for Driver {
         }
     }
 
-    fn sample(
-        &mut self,
-        time: Micros,
-        outcome: Result<&[u8], BusError>,
-    ) -> Result<Sample, SensorFault> {
+    fn sample(&mut self, time: Micros, outcome: Transferred<'_>) -> Result<Sample, SensorFault> {
         let raw = self.judge(time, outcome)?;
         Ok(self.refresh.read(raw))
     }
 
-    fn overdue(&mut self, time: Micros, outcome: Result<&[u8], BusError>) {
+    fn overdue(&mut self, time: Micros, outcome: Transferred<'_>) {
         // The counters have its evidence already.
         let _ = self.judge(time, outcome);
     }
@@ -459,7 +451,7 @@ impl Imu for Driver {
 
 /// The bytes of an answer. All ones, in more than the `chance` bytes of a sensor at rest, are no
 /// answer: nobody drove the data line.
-fn received(outcome: Result<&[u8], BusError>, chance: usize) -> Result<&[u8], SensorFault> {
+fn received(outcome: Transferred<'_>, chance: usize) -> Result<&[u8], SensorFault> {
     match outcome {
         Ok(bytes) if bytes.len() > chance && bytes.iter().all(|byte| *byte == 0xFF) => {
             Err(SensorFault::AllOnes)

@@ -34,7 +34,7 @@ macro_rules! front_end {
         use $I2c as I2c;
         use $DelayNs as DelayNs;
 
-        use tvc_imu::{BusError, Imu, Micros, Next, READ_MAX, RawSample, SensorFault, Transfer, WRITE_MAX};
+        use tvc_imu::{BusError, Imu, Micros, Next, READ_MAX, RawSample, SensorFault, Transfer, Transferred, WRITE_MAX};
 
         use crate::config::Config;
         use crate::driver::Driver;
@@ -246,12 +246,11 @@ macro_rules! front_end {
             }
 
             /// Start and outcome of a burst; an error if the chip does not sample.
-            #[allow(clippy::type_complexity, reason = "a name for it would explain less")]
             $($async)? fn burst<'b>(
                 &mut self,
                 transfer: Transfer,
                 buffer: &'b mut [u8; READ_MAX],
-            ) -> Result<(Micros, Result<&'b [u8], BusError>), SensorFault> {
+            ) -> Result<(Micros, Transferred<'b>), SensorFault> {
                 if !self.driver.is_sampling() {
                     return Err(self.driver.fault().unwrap_or(SensorFault::Booting));
                 }
@@ -264,7 +263,7 @@ macro_rules! front_end {
                 &mut self,
                 transfer: Transfer,
                 buffer: &'b mut [u8; READ_MAX],
-            ) -> Result<&'b [u8], BusError> {
+            ) -> Transferred<'b> {
                 let address = self.driver.config().address.value();
                 let outcome = match transfer {
                     Transfer::Read { register, len } => {

@@ -49,5 +49,5 @@ pub use startup::BOOT_DEADLINE_US;
 pub use status::{CalibrationStatus, Identity, SelfTest, SystemError, SystemStatus};
 pub use tvc_imu::{
     BusError, Bytes, Imu, Micros, Next, READ_MAX, RawSample, Sample, Scale, SensorFault,
-    TRANSFER_DEADLINE_US, Transfer, WRITE_MAX,
+    TRANSFER_DEADLINE_US, Transfer, Transferred, WRITE_MAX,
 };

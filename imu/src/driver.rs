@@ -4,7 +4,7 @@ use crate::fault::SensorFault;
 use crate::refresh::Refresh;
 use crate::sample::{Sample, Scale};
 use crate::time::Micros;
-use crate::transfer::{BusError, Transfer};
+use crate::transfer::{Transfer, Transferred};
 
 /// Next task of the bus' owner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,7 +54,7 @@ pub trait Imu {
 
     /// Takes the outcome of the transfer from [`next`](Self::next): the bytes read, none for a
     /// write.
-    fn complete(&mut self, now: Micros, outcome: Result<&[u8], BusError>);
+    fn complete(&mut self, now: Micros, outcome: Transferred<'_>);
 
     /// Whether the sensor is set up and gives samples.
     fn is_sampling(&self) -> bool;
@@ -67,15 +67,11 @@ pub trait Imu {
     ///
     /// # Errors
     /// The fault that makes the data unusable. The driver recovers by itself.
-    fn sample(
-        &mut self,
-        time: Micros,
-        outcome: Result<&[u8], BusError>,
-    ) -> Result<Sample, SensorFault>;
+    fn sample(&mut self, time: Micros, outcome: Transferred<'_>) -> Result<Sample, SensorFault>;
 
     /// Takes the outcome of a burst that is too late to be used. It counts for the sensor's health
     /// alone.
-    fn overdue(&mut self, time: Micros, outcome: Result<&[u8], BusError>);
+    fn overdue(&mut self, time: Micros, outcome: Transferred<'_>);
 
     /// Counts a tick without a burst, and gives the fault to report.
     fn missed(&mut self) -> SensorFault;

@@ -20,4 +20,6 @@ pub use hex::Hex;
 pub use refresh::Refresh;
 pub use sample::{NewRates, RawSample, Sample, Scale};
 pub use time::Micros;
-pub use transfer::{BusError, Bytes, READ_MAX, TRANSFER_DEADLINE_US, Transfer, WRITE_MAX};
+pub use transfer::{
+    BusError, Bytes, READ_MAX, TRANSFER_DEADLINE_US, Transfer, Transferred, WRITE_MAX,
+};

@@ -96,6 +96,9 @@ impl Transfer {
     }
 }
 
+/// The outcome of a transfer: the bytes read, none for a write, or how it failed.
+pub type Transferred<'a> = Result<&'a [u8], BusError>;
+
 /// How a transfer failed, as a bus master sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BusError {

@@ -11,7 +11,7 @@ use crate::status::Identity;
 use judges::{
     answer, await_clock, await_mode, await_running, await_self_test, confirm, diagnose, identify,
 };
-use tvc_imu::{BusError, Micros, SensorFault, Transfer};
+use tvc_imu::{Micros, SensorFault, Transfer, Transferred};
 
 /// Longest time for a chip to answer and identify itself before the driver reports a fault. 850 ms
 /// are common, and the identification can be wrong for another second.
@@ -222,7 +222,7 @@ impl Startup {
     pub(crate) fn complete(
         &mut self,
         now: Micros,
-        outcome: Result<&[u8], BusError>,
+        outcome: Transferred<'_>,
         config: &Config,
     ) -> Progress {
         if !core::mem::take(&mut self.outstanding) {
