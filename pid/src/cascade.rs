@@ -60,13 +60,7 @@ impl<T: Scalar> Law<T> for Cascade<T> {
         self.rate.at_rest()
     }
 
-    fn update(
-        &self,
-        state: &mut PidState<T>,
-        setpoint: T,
-        reading: &Reading<T>,
-        _is_sent: bool,
-    ) -> T {
+    fn update(&self, state: &mut PidState<T>, setpoint: T, reading: &Reading<T>, _: bool) -> T {
         self.update_with(state, setpoint, reading, T::ZERO)
     }
 

@@ -174,13 +174,7 @@ impl<T: Scalar> Law<T> for Pid<T> {
 
     /// The rate counts only with [`Derivative::Rate`].
     #[inline]
-    fn update(
-        &self,
-        state: &mut PidState<T>,
-        setpoint: T,
-        reading: &Reading<T>,
-        _is_sent: bool,
-    ) -> T {
+    fn update(&self, state: &mut PidState<T>, setpoint: T, reading: &Reading<T>, _: bool) -> T {
         let Reading { value: measured, rate, .. } = *reading;
         if !(setpoint.is_usable() && measured.is_usable() && rate.is_usable()) {
             return state.output;

@@ -190,11 +190,7 @@ impl<T: Scalar> Law<T> for Surface<T> {
     }
 
     /// The model keeps its state.
-    fn retune(
-        &mut self,
-        _state: &mut SurfaceState<T>,
-        config: &SurfaceConfig,
-    ) -> Result<(), ConfigError> {
+    fn retune(&mut self, _: &mut Self::State, config: &SurfaceConfig) -> Result<(), ConfigError> {
         *self = Self::new(config)?;
         Ok(())
     }
