@@ -5,13 +5,13 @@
 //! chip's board and the tests' stand in for [`Board`].
 
 use embedded_storage::nor_flash::NorFlash;
-use tvc_imu::{Bursts, BusError, Imu, Micros, Next, Sample, SensorFault, Transfer};
+use tvc_imu::{Bursts, BusError, Imu, Micros, Next, Transfer};
 
 use crate::axis::Axis;
 use crate::board_status::BoardStatus;
 use crate::bringup;
 use crate::failsafe::{SelfCheck, State};
-use crate::flight::{Flight, Snapshot};
+use crate::flight::{Flight, Reading, Snapshot};
 use crate::guard::{Changed, Guard, Sum};
 use crate::led;
 use crate::recorder::Recorder;
@@ -220,7 +220,7 @@ impl<'a, S: Imu> Application<'a, S> {
 
     /// Estimate, act, send the pulses, and look after the rest.
     #[inline(never)]
-    fn step(&mut self, now: Micros, reading: Result<Sample, SensorFault>, board: &mut impl Board) {
+    fn step(&mut self, now: Micros, reading: Reading, board: &mut impl Board) {
         let is_lost = reading.is_err() && self.sensor.is_sampling();
         self.steps_to_save = self.steps_to_save.saturating_sub(1).max(is_lost.into());
         board.step_begins();
@@ -285,12 +285,7 @@ impl<'a, S: Imu> Application<'a, S> {
 
     /// What the event means to the flight: a sample or the reason why there is none, where a step
     /// is due.
-    fn take(
-        &mut self,
-        now: Micros,
-        event: Event,
-        board: &impl Board,
-    ) -> Option<Result<Sample, SensorFault>> {
+    fn take(&mut self, now: Micros, event: Event, board: &impl Board) -> Option<Reading> {
         let bytes = |outcome: Outcome| outcome.result.map(|()| board.answer());
         match event {
             Event::Burst(burst) => Some(self.sensor.sample(burst.started, bytes(burst))),

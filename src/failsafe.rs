@@ -117,12 +117,7 @@ impl Supervisor {
 
     /// Goes on from the words that another one [told](Self::tell) behind a step with a sample of
     /// this time and an attitude of this health.
-    pub(crate) fn resume(
-        &mut self,
-        sampled: Micros,
-        health: Health,
-        next: &mut dyn FnMut() -> i32,
-    ) {
+    pub(crate) fn resume(&mut self, at: Micros, health: Health, next: &mut dyn FnMut() -> i32) {
         let code = next() as u32;
         self.good_run = Words::told(next);
         let since = Words::told(next);
@@ -131,7 +126,7 @@ impl Supervisor {
             State::Active { .. } => State::Active { over_tilt_since: since },
             state => state,
         };
-        (self.fresh, self.fault, self.health) = (Some(sampled), None, health);
+        (self.fresh, self.fault, self.health) = (Some(at), None, health);
     }
 
     /// Whether silence of the host is a failsafe.

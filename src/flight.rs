@@ -26,6 +26,9 @@ use crate::servo::PulseUs;
 use crate::store::Loaded;
 use crate::ticks::{CarriedTicks, Ticks, Timing};
 
+/// A sample, or the reason why there is none.
+pub type Reading = Result<Sample, SensorFault>;
+
 /// What the first half of a step hands to the second.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimate {
@@ -174,7 +177,7 @@ impl Flight {
 
     /// One control step: a sample, or the reason why there is none, becomes the pulses of the next
     /// servo frame.
-    pub fn step(&mut self, now: Micros, reading: Result<Sample, SensorFault>) -> Snapshot {
+    pub fn step(&mut self, now: Micros, reading: Reading) -> Snapshot {
         let estimate = self.estimate(now, reading);
         let snapshot = self.act(now, estimate);
         self.catch_up();
@@ -192,11 +195,7 @@ impl Flight {
     }
 
     /// The first half of a step: the attitude, and what state follows from it.
-    pub fn estimate(
-        &mut self,
-        now: Micros,
-        reading: Result<Sample, SensorFault>,
-    ) -> Option<Estimate> {
+    pub fn estimate(&mut self, now: Micros, reading: Reading) -> Option<Estimate> {
         let is_free = self.is_free();
         // The time of one that is yet to come is wrong, and all after it would be older.
         let reading = match reading {
