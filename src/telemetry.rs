@@ -320,17 +320,13 @@ impl Telemetry {
             let q = snapshot.orientation.parts();
             let [w, x, y, z] = [q.w, q.x, q.y, q.z].map(f32::to_bits);
             let [roll, pitch, yaw] = rates();
-            self.send_words::<ATTITUDE_QUATERNION_DATA>(
-                Priority::Stream,
-                &[time_boot_ms, w, x, y, z, roll, pitch, yaw],
-            );
+            let words = [time_boot_ms, w, x, y, z, roll, pitch, yaw];
+            self.send_words::<ATTITUDE_QUATERNION_DATA>(Priority::Stream, &words);
         }
         if self.rates.due(Stream::Servo) {
             let [PulseUs(first), PulseUs(second)] = snapshot.pulses;
-            self.send_words::<SERVO_OUTPUT_RAW_DATA>(
-                Priority::Stream,
-                &[snapshot.now.0 as u32, pair(first, second)],
-            );
+            let words = [snapshot.now.0 as u32, pair(first, second)];
+            self.send_words::<SERVO_OUTPUT_RAW_DATA>(Priority::Stream, &words);
         }
         if let Some(sample) = &snapshot.sample
             && self.rates.due(Stream::Raw)
@@ -342,19 +338,15 @@ impl Telemetry {
             let cranks = snapshot.cranks.into_iter().zip(CRANK_WORDS);
             for (crank, [name, last]) in cranks.take(steered) {
                 let crank_rad = f32::from(crank).to_bits();
-                self.send_words::<NAMED_VALUE_FLOAT_DATA>(
-                    Priority::Stream,
-                    &[time_boot_ms, crank_rad, name, last],
-                );
+                let words = [time_boot_ms, crank_rad, name, last];
+                self.send_words::<NAMED_VALUE_FLOAT_DATA>(Priority::Stream, &words);
             }
         }
         if self.rates.due(Stream::Angles) {
             let [roll, pitch, yaw] = flight.angles_rad().map(f32::to_bits);
             let [rollspeed, pitchspeed, yawspeed] = rates();
-            self.send_words::<ATTITUDE_DATA>(
-                Priority::Stream,
-                &[time_boot_ms, roll, pitch, yaw, rollspeed, pitchspeed, yawspeed],
-            );
+            let words = [time_boot_ms, roll, pitch, yaw, rollspeed, pitchspeed, yawspeed];
+            self.send_words::<ATTITUDE_DATA>(Priority::Stream, &words);
         }
     }
 
@@ -400,10 +392,8 @@ impl Telemetry {
         health.set(magnetometer, snapshot.sensor_healthy && snapshot.field_healthy);
         health.set(attitude, snapshot.sensor_healthy && snapshot.settled);
         health.set(control, !matches!(snapshot.state, State::Failsafe(_)));
-        health.set(
-            readiness,
-            snapshot.state.is_armed() || flight.may(snapshot.now, Command::Arm).is_ok(),
-        );
+        let is_ready = snapshot.state.is_armed() || flight.may(snapshot.now, Command::Arm).is_ok();
+        health.set(readiness, is_ready);
         /// A battery that is not measured: its voltage, current and remaining charge.
         const UNKNOWN: u16 = u16::MAX;
         const NO_LOSS: u16 = 0;
@@ -426,10 +416,8 @@ impl Telemetry {
         let ends = u32::from_le_bytes(*b"_sd\0");
         let names = [*b"tilt", *b"head"].map(u32::from_le_bytes);
         for (name, sd_deg) in names.into_iter().zip(flight.attitude_sd_deg()) {
-            self.send_words::<NAMED_VALUE_FLOAT_DATA>(
-                Priority::Event,
-                &[milliseconds(snapshot.now), sd_deg.to_bits(), name, ends],
-            );
+            let words = [milliseconds(snapshot.now), sd_deg.to_bits(), name, ends];
+            self.send_words::<NAMED_VALUE_FLOAT_DATA>(Priority::Event, &words);
         }
     }
 
@@ -440,10 +428,8 @@ impl Telemetry {
         let [mean_us, max_us, fresh] = [board.bursts.mean_us, board.bursts.max_us, fresh]
             .map(|number| (number as f32).to_bits());
         let [time_low, time_high] = halves(snapshot.now);
-        self.send_words::<DEBUG_VECT_DATA>(
-            Priority::Event,
-            &[time_low, time_high, mean_us, max_us, fresh, BUS_NAME[0], BUS_NAME[1]],
-        );
+        let words = [time_low, time_high, mean_us, max_us, fresh, BUS_NAME[0], BUS_NAME[1]];
+        self.send_words::<DEBUG_VECT_DATA>(Priority::Event, &words);
     }
 
     /// A magnetometer that stops measuring, or begins again, is told once.
