@@ -264,16 +264,13 @@ impl Navigation {
         // Half a turn is 2^31 as a binary angle, 2^18 without its last bits, and pi * 2^16 as a
         // Q16.
         const SCALE: Share16 = Share16::from_bits((PI / 4.0 * 65_536.0 + 0.5) as u16);
-        Q16::from_bits(self.estimator.orientation(&state.kept.estimate).pitch() >> 13).times(SCALE)
+        Q16::from_bits(self.orientation(state).pitch() >> 13).times(SCALE)
     }
 
     /// The tilt of the body's vertical against the earth's, as a vector in the body's axes: its
     /// parts about y and x, rad, -pi to pi. Of a vehicle that has not rolled they are pitch and 0.
     pub fn tilt(&self, state: &State) -> [Q16; 2] {
-        self.estimator
-            .orientation(&state.kept.estimate)
-            .tilt_q28()
-            .map(|part| Q16::from_bits(part >> 12))
+        self.orientation(state).tilt_q28().map(|part| Q16::from_bits(part >> 12))
     }
 
     /// The rates of the newest sample without the gyroscope's offset, rad/s, body axes.

@@ -75,9 +75,8 @@ impl Flash {
         if IS_HELD.load(Ordering::Relaxed) {
             return Err(Refused(NorFlashErrorKind::Other));
         }
-        self.controller
-            .status()
-            .modify(|_, w| w.proge().set_bit().locke().set_bit().nvme().set_bit());
+        let status = self.controller.status();
+        status.modify(|_, w| w.proge().set_bit().locke().set_bit().nvme().set_bit());
         self.controller.ctrla().write(|w| {
             let w = w.cmdex().key();
             match operation {

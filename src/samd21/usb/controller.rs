@@ -314,9 +314,8 @@ impl usb::Controller for Usb {
     }
 
     fn stall(&mut self) {
-        registers()
-            .epstatusset(Number::Control as usize)
-            .write(|w| w.stallrq0().set_bit().stallrq1().set_bit());
+        let set = registers().epstatusset(Number::Control as usize);
+        set.write(|w| w.stallrq0().set_bit().stallrq1().set_bit());
     }
 
     fn set_address(&mut self, address: u8) {
