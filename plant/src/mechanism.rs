@@ -94,39 +94,24 @@ impl Mechanism {
         let (servo, rudder) = (Planar::from(p.servo_axis_m()), Planar::from(p.rudder_axis_m));
         let half = p.link_length_m / 2.0;
 
-        // Each moving body: mass, inertia, ratio, curvature, p, p', p'', direction.
+        // Of each moving body: p, p' and p''.
         let crank_end = p.crank_length_m * u1;
+        let crank = [servo + p.crank_cm_m * u1, p.crank_cm_m * turned(u1), -p.crank_cm_m * u1];
+        let link = [
+            servo + crank_end + half * u2,
+            turned(crank_end) + half * g2 * turned(u2),
+            -crank_end + half * (h2 * turned(u2) - g2 * g2 * u2),
+        ];
+        let fin = [
+            rudder + p.rudder_cm_m * u3,
+            p.rudder_cm_m * g3 * turned(u3),
+            p.rudder_cm_m * (h3 * turned(u3) - g3 * g3 * u3),
+        ];
+        // Mass, inertia, ratio, curvature, motion, direction.
         let bodies = [
-            (
-                p.crank_mass_kg,
-                p.crank_inertia_kg_m2,
-                1.0,
-                0.0,
-                servo + p.crank_cm_m * u1,
-                p.crank_cm_m * turned(u1),
-                -p.crank_cm_m * u1,
-                u1,
-            ),
-            (
-                p.link_mass_kg,
-                p.link_inertia_kg_m2,
-                g2,
-                h2,
-                servo + crank_end + half * u2,
-                turned(crank_end) + half * g2 * turned(u2),
-                -crank_end + half * (h2 * turned(u2) - g2 * g2 * u2),
-                u2,
-            ),
-            (
-                p.rudder_mass_kg,
-                p.rudder_inertia_kg_m2,
-                g3,
-                h3,
-                rudder + p.rudder_cm_m * u3,
-                p.rudder_cm_m * g3 * turned(u3),
-                p.rudder_cm_m * (h3 * turned(u3) - g3 * g3 * u3),
-                u3,
-            ),
+            (p.crank_mass_kg, p.crank_inertia_kg_m2, 1.0, 0.0, crank, u1),
+            (p.link_mass_kg, p.link_inertia_kg_m2, g2, h2, link, u2),
+            (p.rudder_mass_kg, p.rudder_inertia_kg_m2, g3, h3, fin, u3),
         ];
 
         let body_cm = Planar::from(p.body_cm_m);
@@ -136,7 +121,7 @@ impl Mechanism {
         let mut first_moment = p.body_mass_kg * body_cm;
         let mut first_moment_slope = Planar::zeros();
         let mut second_moments = [0.0; 3];
-        for (mass, inertia, ratio, curvature, at, slope, bend, along) in bodies {
+        for (mass, inertia, ratio, curvature, [at, slope, bend], along) in bodies {
             for (k, (i, j)) in [(0, 0), (0, 1), (1, 1)].into_iter().enumerate() {
                 second_moments[k] += mass * at[i] * at[j] + inertia * along[i] * along[j];
             }

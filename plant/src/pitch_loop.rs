@@ -15,12 +15,10 @@ use crate::parameters::{ParameterError, Parameters, check, finite, named, not_ne
 use crate::response::{ResponseError, StepResponse};
 use crate::servo::{Servo, ServoModel};
 
-/// Shortest step of the simulation, in s, and what is said of a shorter one.
+/// Shortest step of the simulation, in s.
 const SHORTEST_STEP_S: f64 = 1e-5;
-const STEP_WORDS: &str = "0.00001 s or more";
-/// Longest period and longest delay, in s, and what is said of a longer one.
+/// Longest period and longest delay, in s.
 const LONGEST_S: f64 = 1.0;
-const LONGEST_WORDS: &str = "1 s or less";
 
 /// When things happen in the loop, and what the sensor adds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -96,10 +94,10 @@ impl Timing {
     pub fn validate(&self) -> Result<(), ParameterError> {
         positive(&named!(self; step_s, control_s, frame_s))?;
         // What the sensor has seen is kept for as many steps as its delay has.
-        check(&named!(self; step_s), STEP_WORDS, |value| value >= SHORTEST_STEP_S)?;
+        check(&named!(self; step_s), "0.00001 s or more", |value| value >= SHORTEST_STEP_S)?;
         let refresh = [("refresh_s", self.refresh_s.unwrap_or(LONGEST_S))];
         for times in [&named!(self; step_s, control_s, frame_s, delay_s)[..], &refresh] {
-            check(times, LONGEST_WORDS, |value| value <= LONGEST_S)?;
+            check(times, "1 s or less", |value| value <= LONGEST_S)?;
         }
         not_negative(&[
             ("phase_s", self.phase_s),

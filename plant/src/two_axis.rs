@@ -227,33 +227,22 @@ impl TwoAxisDrone {
         self.momentum = self.shape.momentum(self.speeds(), &rates_rad_s.into());
     }
 
-    /// Derivatives of attitude and momentum.
+    /// Derivatives of attitude and momentum, in body axes, in N m.
     fn slope(&self, shape: &Shape, speeds: [f64; 2], state: &State) -> State {
+        let p = &self.parameters;
         let attitude = UnitQuaternion::from_quaternion(state.attitude);
         let rates = shape.rates(speeds, &state.momentum);
-        State {
-            attitude: state.attitude * Quaternion::from_imag(0.5 * rates),
-            momentum: self.momentum_slope(shape, speeds, &attitude, &rates),
-        }
-    }
-
-    /// Derivative of the momentum in body axes, in N m.
-    fn momentum_slope(
-        &self,
-        shape: &Shape,
-        speeds: [f64; 2],
-        attitude: &UnitQuaternion<f64>,
-        rates: &Vector3<f64>,
-    ) -> Vector3<f64> {
-        let p = &self.parameters;
-        let mut momentum = shape.momentum(speeds, rates);
+        let mut momentum = shape.momentum(speeds, &rates);
         momentum.z += p.rotor_momentum_kg_m2_s;
         let down = attitude.inverse() * Vector3::z();
         let weight = p.one_axis.gravity_m_s2 * down;
         let [pitch, roll] = shape.linkages.map(|at| at.thrust_moment);
         let friction = p.one_axis.pivot_friction_n_m_s;
         let moment = Vector3::new(roll - friction * rates.x, pitch - friction * rates.y, 0.0);
-        moment + shape.first_moment.cross(&weight) - rates.cross(&momentum)
+        State {
+            attitude: state.attitude * Quaternion::from_imag(0.5 * rates),
+            momentum: moment + shape.first_moment.cross(&weight) - rates.cross(&momentum),
+        }
     }
 
     /// At a stop the drone loses the part of its rate that would take it beyond.

@@ -40,7 +40,8 @@ impl TwoAxisDrone {
             let at = &self.shape.linkages[axis];
             at.m01_slope * speeds[axis] * speeds[axis] + at.m01 * cranks_rad_s2[axis]
         });
-        let change = self.momentum_slope(&self.shape, speeds, &self.attitude, &rates);
+        let state = State { attitude: self.attitude.into_inner(), momentum: self.momentum };
+        let change = self.slope(&self.shape, speeds, &state).momentum;
         let load = change - inertia_slope * rates - Vector3::new(roll, pitch, 0.0);
         (self.shape.inverse * load).into()
     }
