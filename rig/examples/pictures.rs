@@ -34,7 +34,7 @@ fn standby(image: &Image, gains: Option<Gains>) -> Result<Ready, FlightError> {
 
 fn ticks(image: &Image) -> Result<(), Box<dyn Error>> {
     let Ready { mut rig, mut station, .. } = standby(image, None)?;
-    rig.environment_mut().tilt_clamp_to([START_RAD, 0.0]);
+    rig.environment.tilt_clamp_to([START_RAD, 0.0]);
     station.run(&mut rig, Ticks::from_secs_f64(5.0))?;
     station.arm(&mut rig)?;
     station.release(&mut rig, RATE_RAD_S)?;
@@ -54,7 +54,7 @@ fn ticks(image: &Image) -> Result<(), Box<dyn Error>> {
         show(if burst.alone { "rates" } else { "burst" }, burst.start, burst.end);
     }
     truth.steps.iter().for_each(|step| show("step", step.start, step.end));
-    truth.pulses.iter().for_each(|pulse| show("pulse", pulse.rise, pulse.fall));
+    truth.pulses[0].iter().for_each(|pulse| show("pulse", pulse.rise, pulse.fall));
     Ok(())
 }
 

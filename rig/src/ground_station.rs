@@ -8,7 +8,7 @@ use samd21::board::Ticks;
 use std::time::Duration;
 use thiserror::Error;
 
-pub use crate::received::{Attitude, BusReport, Heartbeat, RawImu, Received, ServoOutput, Text};
+pub use crate::received::{Attitude, BusReport, Heartbeat, RawImu, Received, ServoOutput};
 
 /// How often the ground station looks at the port.
 const SLICE: Ticks = Ticks::from_ms(1);
@@ -77,7 +77,7 @@ impl GroundStation {
 
     /// The last text.
     pub fn last_text(&self) -> Option<&str> {
-        self.received.texts.last().map(|text| text.text.as_str())
+        self.received.texts.last().map(String::as_str)
     }
 
     /// Reads what has arrived and sends what is due.
@@ -87,7 +87,7 @@ impl GroundStation {
         for frame in self.client.receive(duration(now), &bytes) {
             self.received.take(now, frame.message);
         }
-        if rig.usb_host().is_configured() {
+        if rig.chip.usb_host.is_configured() {
             self.client.poll(duration(now));
             self.flush(rig);
         }
@@ -225,7 +225,7 @@ impl GroundStation {
         loop {
             // Without a port `poll` does not poll the client, whose time limit would never end
             // then.
-            if rig.now() >= end && !rig.usb_host().is_configured() {
+            if rig.now() >= end && !rig.chip.usb_host.is_configured() {
                 self.client.close();
             }
             if let Some(answer) = self.client.answer(ticket) {

@@ -2,7 +2,7 @@
 
 use client::state::state_of;
 use client::{StateKind, text};
-use mavlink::dialects::common::{MavMessage, MavModeFlag, MavSeverity, SYS_STATUS_DATA};
+use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
 use samd21::board::Ticks;
 use std::collections::BTreeMap;
 
@@ -15,8 +15,6 @@ pub struct Heartbeat {
     pub state: Option<StateKind>,
     /// Code of the reason for the state, 0 for none.
     pub reason: u8,
-    /// The armed flag.
-    pub armed: bool,
 }
 
 /// An ATTITUDE_QUATERNION.
@@ -43,8 +41,6 @@ impl Attitude {
 /// A SERVO_OUTPUT_RAW.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServoOutput {
-    /// When it arrived.
-    pub at: Ticks,
     /// The image's clock at the step, us; wraps after 71 minutes.
     pub time_us: u32,
     /// Pulse commanded, us.
@@ -74,28 +70,13 @@ impl RawImu {
     }
 }
 
-/// A STATUSTEXT.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Text {
-    /// When it arrived.
-    pub at: Ticks,
-    /// Severity.
-    pub severity: MavSeverity,
-    /// The text.
-    pub text: String,
-}
-
 /// A DEBUG_VECT `imu_bus`: how long the sensor's bursts took.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BusReport {
-    /// When it arrived.
-    pub at: Ticks,
     /// Mean of the newest bursts, us.
     pub mean_us: f32,
     /// The longest of them, us.
     pub max_us: f32,
-    /// How often the sensor gave new data, Hz.
-    pub fresh_hz: f32,
 }
 
 /// Everything that has arrived.
@@ -114,7 +95,7 @@ pub struct Received {
     /// What the image says about the uncertainty of the tilt (`tilt_sd`), deg.
     pub tilt_sd_deg: Vec<(Ticks, f32)>,
     /// Texts.
-    pub texts: Vec<Text>,
+    pub texts: Vec<String>,
     /// System states with the time they arrived.
     pub status: Vec<(Ticks, SYS_STATUS_DATA)>,
     /// Parameters by name, as reported last.
@@ -129,7 +110,6 @@ impl Received {
                 at,
                 state: state_of(m.custom_mode),
                 reason: (m.custom_mode >> 8) as u8,
-                armed: m.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED),
             }),
             MavMessage::ATTITUDE_QUATERNION(m) => self.attitudes.push(Attitude {
                 at,
@@ -138,7 +118,7 @@ impl Received {
                 rate_rad_s: [m.rollspeed, m.pitchspeed, m.yawspeed],
             }),
             MavMessage::SERVO_OUTPUT_RAW(m) => {
-                self.servos.push(ServoOutput { at, time_us: m.time_usec, pulse_us: m.servo1_raw })
+                self.servos.push(ServoOutput { time_us: m.time_usec, pulse_us: m.servo1_raw })
             }
             MavMessage::RAW_IMU(m) => self.samples.push(RawImu {
                 at,
@@ -148,14 +128,12 @@ impl Received {
                 mag: [m.xmag, m.ymag, m.zmag],
             }),
             MavMessage::DEBUG_VECT(m) if text(&m.name) == "imu_bus" => {
-                self.bus.push(BusReport { at, mean_us: m.x, max_us: m.y, fresh_hz: m.z })
+                self.bus.push(BusReport { mean_us: m.x, max_us: m.y })
             }
             MavMessage::NAMED_VALUE_FLOAT(m) if text(&m.name) == "tilt_sd" => {
                 self.tilt_sd_deg.push((at, m.value));
             }
-            MavMessage::STATUSTEXT(m) => {
-                self.texts.push(Text { at, severity: m.severity, text: text(&m.text).to_owned() })
-            }
+            MavMessage::STATUSTEXT(m) => self.texts.push(text(&m.text).to_owned()),
             MavMessage::SYS_STATUS(m) => self.status.push((at, m)),
             MavMessage::PARAM_VALUE(m) => {
                 let name = text(&m.param_id).to_owned();

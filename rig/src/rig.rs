@@ -16,7 +16,6 @@ use samd21::Chip;
 use samd21::board::Ticks;
 use samd21::chip::Stop;
 use samd21::peripherals::ResetCause;
-use samd21::usb_host::Host;
 use std::sync::Arc;
 use thiserror::Error;
 use tvc_nano::{Params, store};
@@ -89,8 +88,10 @@ enum Running {
 /// A firmware image on the virtual rig. A clone starts from the same state and runs independently.
 #[derive(Clone)]
 pub struct Rig {
-    chip: Chip,
-    environment: Environment,
+    /// The chip.
+    pub chip: Chip,
+    /// What is round it: sensor, servos, vehicle, clamp.
+    pub environment: Environment,
     image: Arc<Image>,
     hardware: Hardware,
     bootloader: Bootloader,
@@ -142,7 +143,7 @@ impl Rig {
     /// The flash in which the image keeps parameters.
     pub fn stored(&self) -> &[u8] {
         let start = store::STORE_ADDRESS as usize;
-        &self.chip.flash()[start..start + store::STORE_BYTES]
+        &self.chip.memory.flash()[start..start + store::STORE_BYTES]
     }
 
     /// Puts back what [`stored`](Self::stored) gave, before the image looks at it.
@@ -219,7 +220,7 @@ impl Rig {
     }
 
     fn enter_bootloader(&mut self, cause: ResetCause) {
-        match self.bootloader.enter(cause, self.chip.ram_mut()) {
+        match self.bootloader.enter(cause, self.chip.memory.ram_mut()) {
             Verdict::StartsImage(Ticks::ZERO) => self.start_image(),
             Verdict::StartsImage(after) => self.running = Running::Start(self.now() + after),
             Verdict::Stays => self.running = Running::Bootloader,
@@ -227,7 +228,7 @@ impl Rig {
     }
 
     fn start_image(&mut self) {
-        self.bootloader.leave(self.chip.ram_mut());
+        self.bootloader.leave(self.chip.memory.ram_mut());
         self.chip.boot(self.image.address());
         self.running = Running::Image;
     }
@@ -265,7 +266,7 @@ impl Rig {
         self.reset_chip(ResetCause::PowerOn);
         self.inject(Fault::PowerDip);
         self.environment.power_on();
-        for (index, byte) in self.chip.ram_mut().iter_mut().enumerate() {
+        for (index, byte) in self.chip.memory.ram_mut().iter_mut().enumerate() {
             *byte = (index as u8).wrapping_mul(167) ^ 0x5A;
         }
         self.enter_bootloader(ResetCause::PowerOn);
@@ -311,13 +312,13 @@ impl Rig {
     /// Sends bytes to the image over USB.
     pub fn usb_write(&mut self, bytes: &[u8]) {
         if !self.loses() {
-            self.usb_host_mut().write(bytes);
+            self.chip.usb_host.write(bytes);
         }
     }
 
     /// Bytes that came from the image over USB since the last call.
     pub fn usb_read(&mut self) -> Vec<u8> {
-        let bytes = self.usb_host_mut().read();
+        let bytes = self.chip.usb_host.read();
         if bytes.is_empty() || !self.loses() { bytes } else { Vec::new() }
     }
 
@@ -336,7 +337,7 @@ impl Rig {
             ));
         }
         self.hardware = changed;
-        self.environment.set_sensor(&self.hardware);
+        self.environment.sensor.set_parts(&self.hardware.sensor);
         Ok(())
     }
 
@@ -346,39 +347,9 @@ impl Rig {
         probability > 0.0 && self.usb_loss.random_bool(probability)
     }
 
-    /// The laptop at the other end of the USB cable.
-    pub fn usb_host(&self) -> &Host {
-        self.chip.usb_host()
-    }
-
-    /// The laptop at the other end of the USB cable, to unplug it or to stop it from reading.
-    pub fn usb_host_mut(&mut self) -> &mut Host {
-        self.chip.usb_host_mut()
-    }
-
-    /// The chip's environment.
-    pub fn environment(&self) -> &Environment {
-        &self.environment
-    }
-
-    /// The chip's environment, to act on it.
-    pub fn environment_mut(&mut self) -> &mut Environment {
-        &mut self.environment
-    }
-
     /// What really happened.
     pub fn truth(&self) -> &GroundTruth {
         &self.environment.truth
-    }
-
-    /// The chip.
-    pub fn chip(&self) -> &Chip {
-        &self.chip
-    }
-
-    /// The chip, to disturb it.
-    pub fn chip_mut(&mut self) -> &mut Chip {
-        &mut self.chip
     }
 
     /// Deepest stack since power-on, bytes.
@@ -430,7 +401,7 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn word(rig: &Rig, at: usize) -> u32 {
-        let ram = rig.chip().ram();
+        let ram = rig.chip.memory.ram();
         u32::from_le_bytes([0, 1, 2, 3].map(|i| ram[at + i]))
     }
 
@@ -484,8 +455,8 @@ pub(crate) mod tests {
             ..RigConfig::default()
         };
         let mut rig = Rig::new(&counter(), &config).unwrap();
-        assert_eq!(rig.environment().sensor.address(), 0x29);
-        assert_eq!(rig.usb_host().system(), System::Linux);
+        assert_eq!(rig.environment.sensor.address(), 0x29);
+        assert_eq!(rig.chip.usb_host.system(), System::Linux);
         // The watchdog of an erased user row: 32,768 cycles of the fast slow oscillator.
         rig.run_for(ms(799)).unwrap();
         assert_eq!(rig.resets(), []);
@@ -501,7 +472,7 @@ pub(crate) mod tests {
         fork.release(0.5);
         fork.run_for(ms(100)).unwrap();
         rig.run_for(ms(100)).unwrap();
-        assert!(fork.environment().vehicle().pitch_rad() > 0.04);
-        assert_eq!(rig.environment().vehicle().pitch_rad(), 0.0);
+        assert!(fork.environment.vehicle().pitch_rad() > 0.04);
+        assert_eq!(rig.environment.vehicle().pitch_rad(), 0.0);
     }
 }

@@ -28,7 +28,7 @@ fn main() -> io::Result<()> {
         for word in case.run(&mut chip) {
             output.write_all(&word.to_le_bytes())?;
         }
-        output.write_all(chip.ram())?;
+        output.write_all(chip.memory.ram())?;
         output.flush()?;
     }
     Ok(())

@@ -9,9 +9,9 @@ use crate::bus::Bus;
 use crate::core::Core;
 pub use crate::core::{Counters, EXCEPTIONS, Profile, Registers, Stop};
 use crate::fault::Fault;
-use crate::memory::{FLASH_SIZE, Memory, RAM_SIZE};
+use crate::memory::{FLASH_SIZE, Memory};
 use crate::options::Options;
-use crate::peripherals::{Peripherals, ResetCause, Width};
+use crate::peripherals::{Peripherals, ResetCause, Violations, Width};
 use crate::usb_host::Host;
 
 /// Times at which a stopped CPU is looked at again.
@@ -21,9 +21,11 @@ const STOPPED_STEP: Ticks = Ticks::from_us(100);
 #[derive(Clone)]
 pub struct Chip {
     pub(crate) core: Core,
-    memory: Memory,
+    /// Flash and SRAM, for a bootloader's model and for debuggers too.
+    pub memory: Memory,
     pub(crate) peripherals: Peripherals,
-    usb_host: Host,
+    /// The USB host at the other end of the cable.
+    pub usb_host: Host,
 }
 
 impl Chip {
@@ -161,26 +163,6 @@ impl Chip {
         self.core.trail()
     }
 
-    /// Main flash, from address 0.
-    pub fn flash(&self) -> &[u8; FLASH_SIZE as usize] {
-        self.memory.flash()
-    }
-
-    /// SRAM, from address 0x2000_0000.
-    pub fn ram(&self) -> &[u8; RAM_SIZE as usize] {
-        self.memory.ram()
-    }
-
-    /// SRAM to write: for a bootloader's model and for debuggers.
-    pub fn ram_mut(&mut self) -> &mut [u8; RAM_SIZE as usize] {
-        self.memory.ram_mut()
-    }
-
-    /// Flash and SRAM by address.
-    pub fn memory(&self) -> &Memory {
-        &self.memory
-    }
-
     /// A word of a peripheral, as a debugger reads it; `None` where there is none, or it is not
     /// clocked.
     pub fn peek(&mut self, address: u32, board: &mut dyn Board) -> Option<u32> {
@@ -188,19 +170,9 @@ impl Chip {
         self.peripherals.read(now, address, Width::Word, board).ok()
     }
 
-    /// The peripherals.
-    pub fn peripherals(&self) -> &Peripherals {
-        &self.peripherals
-    }
-
-    /// The USB host at the other end of the cable.
-    pub fn usb_host(&self) -> &Host {
-        &self.usb_host
-    }
-
-    /// The USB host at the other end of the cable.
-    pub fn usb_host_mut(&mut self) -> &mut Host {
-        &mut self.usb_host
+    /// Misuse of peripherals since power-on that the real chip would have swallowed.
+    pub fn violations(&self) -> &Violations {
+        &self.peripherals.violations
     }
 
     fn parts<'a>(&'a mut self, board: &'a mut dyn Board) -> (&'a mut Core, Bus<'a>) {
@@ -262,7 +234,7 @@ mod tests {
         assert!(counters.cycles < 1000 && counters.stall_ticks > Ticks::from_ms(2).0);
         chip.reset(ResetCause::BrownOut33);
         let ones = |chip: &Chip| {
-            let row = &chip.flash()[0x3F00..0x4000];
+            let row = &chip.memory.flash()[0x3F00..0x4000];
             row.iter().map(|byte| byte.count_ones()).sum::<u32>()
         };
         assert!(ones(&chip).abs_diff(1024) < 113, "{}", ones(&chip));

@@ -183,8 +183,8 @@ fn noise(seed: u64) -> impl Iterator<Item = u64> {
 }
 
 /// An array that is made on the heap: it is too large for a stack.
-fn filled<const N: usize>(byte: u8) -> Box<[u8; N]> {
-    let Ok(array) = vec![byte; N].into_boxed_slice().try_into() else {
+pub(crate) fn filled<T: Clone, const N: usize>(value: T) -> Box<[T; N]> {
+    let Ok(array) = vec![value; N].into_boxed_slice().try_into() else {
         unreachable!("the vector was made N long");
     };
     array

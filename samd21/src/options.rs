@@ -5,7 +5,7 @@ use crate::peripherals::UserRow;
 use crate::usb_host::System;
 
 /// How a chip is made.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Flash wait states, whatever the firmware writes to NVMCTRL.CTRLB.RWS: to measure what they
     /// cost. None leaves them to the firmware.
@@ -26,10 +26,12 @@ pub struct Options {
     pub wake_up: Ticks,
     /// The user row, which sets watchdog, brown-out detector and protection at every reset.
     pub user_row: UserRow,
-    /// How long erasing and writing flash take, in percent of the data sheet's longest times.
-    pub flash_time_percent: u32,
-    /// How many cycles of the core the DSU's engine takes for a word of flash: an assumption.
-    pub crc_word_cycles: u32,
+    /// How long erasing and writing flash take, relative to the data sheet's longest times; whole
+    /// percent count.
+    pub flash_time: f64,
+    /// How many cycles of the core the DSU's engine takes for a word of flash, whole ones: an
+    /// assumption.
+    pub crc_word_cycles: f64,
     /// Whether the watchdog resets the chip at its time-out.
     pub watchdog_bites: bool,
     /// The operating system of the USB host.
@@ -49,8 +51,8 @@ impl Default for Options {
             osculp32k_phase: Ticks::ZERO,
             wake_up: Ticks::ZERO,
             user_row: UserRow::SHIPPED,
-            flash_time_percent: 100,
-            crc_word_cycles: 4,
+            flash_time: 1.0,
+            crc_word_cycles: 4.0,
             watchdog_bites: true,
             host: System::Bare,
             seed: 0,

@@ -1,7 +1,7 @@
 //! What radiation, a disturbed supply and broken silicon do to a chip beside its memories: bits of
 //! registers that flip, interrupt lines that stick, a clock that stops or runs at another rate.
 //!
-//! Memories are open to anybody ([`Chip::ram_mut`], [`Chip::load_flash`]), and so are the core's
+//! Memories are open to anybody ([`Chip::memory`], [`Chip::load_flash`]), and so are the core's
 //! registers ([`Chip::set_registers`]).
 //!
 //! | peripheral | registers whose bits flip, by offset |
@@ -70,7 +70,7 @@ impl Chip {
 
     /// Whether the CPU has no clock.
     pub fn is_stopped(&self) -> bool {
-        self.peripherals().is_stopped()
+        self.peripherals.is_stopped()
     }
 }
 

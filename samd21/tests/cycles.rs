@@ -59,7 +59,7 @@ fn pop_to_pc_takes_three_more_than_its_registers() {
     let mut registers = chip.registers();
     registers.msp = 0x2000_1000;
     chip.set_registers(&registers);
-    chip.ram_mut()[0x1004..0x1008].copy_from_slice(&0x601_u32.to_le_bytes());
+    chip.memory.ram_mut()[0x1004..0x1008].copy_from_slice(&0x601_u32.to_le_bytes());
     assert_eq!(step(&mut chip), 3 + 2);
     assert_eq!(chip.pc(), 0x600);
 }
@@ -121,7 +121,7 @@ fn code_in_sram_waits_for_nothing() {
     let mut chip = with_wait_states(1, &code![bx(0)]);
     let code: Vec<u8> =
         [NOP, NOP, NOP, NOP, NOP, BKPT].iter().flat_map(|half| half.to_le_bytes()).collect();
-    chip.ram_mut()[0x800..0x800 + code.len()].copy_from_slice(&code);
+    chip.memory.ram_mut()[0x800..0x800 + code.len()].copy_from_slice(&code);
     set(&mut chip, 0, 0x2000_0801);
     run_to_breakpoint(&mut chip);
     assert_eq!(chip.counters().flash_wait_cycles, 1);

@@ -237,7 +237,7 @@ fn icsr_tells_what_is_active_and_what_waits() {
 fn vectors_come_from_vtor() {
     let mut chip = chip(&code![str(0, 4, VTOR), SVC, BKPT], &[]);
     set(&mut chip, 0, 0x2000_0000);
-    chip.ram_mut()[44..48].copy_from_slice(&0x601_u32.to_le_bytes());
+    chip.memory.ram_mut()[44..48].copy_from_slice(&0x601_u32.to_le_bytes());
     load(&mut chip, 0x600, &code![log(1), BX_LR]);
     run_to_breakpoint(&mut chip);
     assert_eq!(chip.pc(), PROGRAM + 4);
@@ -277,7 +277,7 @@ fn a_handler_can_switch_to_another_threads_frame() {
     // A frame of a thread at 0x600 with R0 = 7, and EXC_RETURN 0xFFFF_FFFD made of R1.
     let frame = [7, 0, 0, 0, 0, 0, 0x600, 0x4100_0000_u32];
     for (at, value) in (0x800..).step_by(4).zip(frame) {
-        chip.ram_mut()[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        chip.memory.ram_mut()[at..at + 4].copy_from_slice(&value.to_le_bytes());
     }
     load(&mut chip, 0x600, &[BKPT]);
     set(&mut chip, 0, 0x2000_0800);

@@ -171,7 +171,7 @@ fn sysresetreq_stops_the_run_until_the_chip_is_reset() {
     set(&mut chip, 0, 0x05FA_0004);
     assert_eq!(run(&mut chip), Stop::Reset(ResetCause::System));
     assert_eq!(run(&mut chip), Stop::Reset(ResetCause::System));
-    chip.ram_mut()[0x300] = 0xA5;
+    chip.memory.ram_mut()[0x300] = 0xA5;
     let before = chip.now();
     chip.reset(ResetCause::System);
     let until = before + Ticks::from_ms(500);
@@ -181,7 +181,7 @@ fn sysresetreq_stops_the_run_until_the_chip_is_reset() {
     step(&mut chip);
     step(&mut chip);
     assert_eq!(chip.registers().r[1], 0, "PRIMASK is clear after a reset");
-    assert_eq!(chip.ram()[0x300], 0xA5, "SRAM keeps its content");
+    assert_eq!(chip.memory.ram()[0x300], 0xA5, "SRAM keeps its content");
 }
 
 #[test]
@@ -202,5 +202,5 @@ fn a_clone_goes_its_own_way() {
     run(&mut second);
     assert_eq!(first.registers(), second.registers());
     assert_eq!(first.counters(), second.counters());
-    assert_eq!(first.ram(), second.ram());
+    assert_eq!(first.memory.ram(), second.memory.ram());
 }

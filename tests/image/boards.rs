@@ -47,7 +47,7 @@ fn a_driver_by_others_runs_on_the_board() {
     let setup = Setup::with_polarity(ServoKind::S3003, 1);
     let image = image(&["embedded-hal"]);
     let ready = prepare(&image, &setup, &mut |_| {}).unwrap_or_else(|error| panic!("{error}"));
-    let pulses = ready.rig.truth().pulses.iter();
+    let pulses = ready.rig.truth().pulses_of(Axis::Pitch).iter();
     let shown = pulses.filter(|pulse| (pulse.width_us() - 1_527.0).abs() < 1.0);
     assert!((9..=11).contains(&shown.count()));
 }

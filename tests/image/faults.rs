@@ -27,12 +27,12 @@ fn in_flight() -> Ready {
 /// Lets go of the drone of `flight`, whose neutral pulse is `neutral_us`.
 pub(crate) fn released(mut flight: Ready, neutral_us: &RangeInclusive<f64>) -> Ready {
     let Ready { rig, station, .. } = &mut flight;
-    rig.environment_mut().tilt_clamp_to([0.4, 0.0]);
+    rig.environment.tilt_clamp_to([0.4, 0.0]);
     station.run(rig, ms(2000)).unwrap();
     station.arm(rig).unwrap();
     station.release(rig, 0.2).unwrap();
     station.run(rig, ms(150)).unwrap();
-    let last = rig.truth().pulses.last().unwrap();
+    let last = rig.truth().pulses_of(Axis::Pitch).last().unwrap();
     assert!(!neutral_us.contains(&last.width_us()), "{}", last.width_us());
     flight
 }
@@ -70,9 +70,9 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     // State and reason have arrived.
     assert_eq!(station.state(), Some(StateKind::Failsafe), "{fault:?}");
     let told = &station.received().texts[texts..];
-    let reason = told.iter().find(|t| t.text.starts_with("failsafe"));
+    let reason = told.iter().find(|t| t.starts_with("failsafe"));
     let reason = reason.unwrap_or_else(|| panic!("{fault:?}: {told:?}"));
-    assert!(reason.text.contains(word), "{fault:?}: {}", reason.text);
+    assert!(reason.contains(word), "{fault:?}: {reason}");
     assert!(reason.at < at + ms(250), "{fault:?}: told after {}", reason.at - at);
     // While the fault lasts there is no way out, and never one straight to active.
     assert!(matches!(
@@ -87,8 +87,8 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     }
 
     rig.clear(fault);
-    rig.environment_mut().catch();
-    rig.environment_mut().tilt_clamp_to([0.0, 0.0]);
+    rig.environment.catch();
+    rig.environment.tilt_clamp_to([0.0, 0.0]);
     // The attitude and the gyro offset are found anew.
     station.run(rig, ms(8000)).unwrap();
     assert_eq!(station.state(), Some(StateKind::Failsafe), "{fault:?}: only the operator ends it");
@@ -155,7 +155,7 @@ fn the_step_of_a_missed_sample_comes_before_its_edge() {
         let truth = rig.truth();
         // The last tick before each edge comes 3.3 ms before it.
         let lead = Ticks::from_us(3_300);
-        let edges = truth.pulses.iter().map(|pulse| pulse.rise);
+        let edges = truth.pulses_of(Axis::Pitch).iter().map(|pulse| pulse.rise);
         for edge in edges.filter(|edge| *edge >= at + lead && *edge < until) {
             let in_time = |step: &&Step| step.start + lead > edge && step.end < edge;
             let steps = truth.steps.iter().filter(in_time).count();
@@ -173,7 +173,7 @@ fn a_slave_inside_a_byte_is_clocked_free() {
     let Ready { rig, station, .. } = &mut flight;
     rig.inject(Fault::SdaHeld { clocks: 7 });
     station.run(rig, ms(500)).unwrap();
-    assert!(!rig.environment().sensor.held_low(rig.now()).sda);
+    assert!(!rig.environment.sensor.held_low(rig.now()).sda);
     let last = rig.truth().bursts.last().unwrap();
     assert!(rig.now() - last.end < ms(20), "bursts go on");
 }
@@ -186,7 +186,7 @@ fn spikes_are_ridden_out() {
     rig.inject(Fault::CorruptWords { probability: 0.003 });
     station.run(rig, ms(3000)).unwrap();
     assert_eq!(station.state(), Some(StateKind::Active), "{:?}", station.last_text());
-    let pitch = rig.environment().vehicle().pitch_rad();
+    let pitch = rig.environment.vehicle().pitch_rad();
     assert!(pitch.abs() < 0.05, "{pitch}");
 }
 
@@ -199,9 +199,10 @@ fn a_hung_loop_is_reset_and_told() {
     station.run(rig, ms(450)).unwrap();
     assert_eq!(rig.resets().len(), 1, "the firmware resets");
     let (fired, cause) = rig.resets()[0];
+    let before = station.received().texts.len();
     // The early warning of the watchdog puts the rudder to neutral, and resets behind a pulse.
     assert_eq!(cause, ResetCause::System);
-    let last = rig.truth().pulses.last().unwrap();
+    let last = rig.truth().pulses_of(Axis::Pitch).last().unwrap();
     assert!(last.fall < fired && fired - at < ms(400));
     assert!(default_neutral_us().contains(&last.width_us()), "{}", last.width_us());
     // The bootloader costs half a second, then pulses are back and the reason is told.
@@ -211,14 +212,14 @@ fn a_hung_loop_is_reset_and_told() {
     assert!(default_neutral_us().contains(&back.width_us()));
     station.connect(rig).unwrap();
     station.wait_for_state(rig, ms(2000), StateKind::Latched).unwrap();
-    let told = station.received().texts.iter();
-    assert!(told.clone().any(|t| t.at > fired && t.text.contains("latched fault")), "{told:?}");
+    let told = &station.received().texts[before..];
+    assert!(told.iter().any(|t| t.contains("latched fault")), "{told:?}");
     assert!(matches!(
         station.arm(rig),
         Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. })
     ));
-    rig.environment_mut().catch();
-    rig.environment_mut().tilt_clamp_to([0.0, 0.0]);
+    rig.environment.catch();
+    rig.environment.tilt_clamp_to([0.0, 0.0]);
     station.disarm(rig).unwrap();
     station.wait_for_state(rig, ms(6000), StateKind::Standby).unwrap();
 }
@@ -241,14 +242,15 @@ fn an_interrupt_that_hangs_does_not_hold_the_rudder() {
         }
         // Its first instruction is a branch to itself now.
         let entry = firmware().symbol(handler).expect(handler) & !1;
-        rig.chip_mut().load_flash(entry, &[0xFE, 0xE7]);
+        rig.chip.load_flash(entry, &[0xFE, 0xE7]);
         station.run(rig, ms(400)).unwrap();
         let (reset, cause) = rig.resets()[0];
         assert_eq!(cause, ResetCause::System, "{handler}");
         assert!(reset < at + ms(220), "{handler}, {without_watchdog}: {}", reset - at);
         let warned = at + ms(65);
         let pulses = rig.truth().pulses_since(warned).iter().filter(|pulse| pulse.fall < reset);
-        let last = rig.truth().pulses.iter().rfind(|pulse| pulse.fall < reset).unwrap();
+        let last =
+            rig.truth().pulses_of(Axis::Pitch).iter().rfind(|pulse| pulse.fall < reset).unwrap();
         for pulse in pulses.filter(|pulse| pulse.rise > warned + ms(20)).chain([last]) {
             let width = pulse.width_us();
             assert!(default_neutral_us().contains(&width), "{handler}: {width}");
@@ -277,7 +279,7 @@ fn a_hard_fault_is_told_after_the_reset() {
     station.run(rig, ms(1200)).unwrap();
     assert_eq!(rig.resets().len(), 1);
     let (reset, _) = rig.resets()[0];
-    let before = rig.truth().pulses.iter().rfind(|p| p.fall < reset).unwrap();
+    let before = rig.truth().pulses_of(Axis::Pitch).iter().rfind(|p| p.fall < reset).unwrap();
     assert!(
         reset - at < ms(20) || default_neutral_us().contains(&before.width_us()),
         "{} us for {}",
@@ -287,10 +289,10 @@ fn a_hard_fault_is_told_after_the_reset() {
     station.wait_for_state(rig, ms(3000), StateKind::Latched).unwrap();
     let reason = format!("hard fault at {pc:#010x}");
     let told = &station.received().texts;
-    assert!(told.iter().any(|t| t.text.contains(&reason)), "{told:?}");
+    assert!(told.iter().any(|t| t.contains(&reason)), "{told:?}");
 
-    rig.environment_mut().catch();
-    rig.environment_mut().tilt_clamp_to([0.0, 0.0]);
+    rig.environment.catch();
+    rig.environment.tilt_clamp_to([0.0, 0.0]);
     rig.power_cycle();
     station.connect(rig).unwrap();
     station.wait_for_state(rig, ms(8000), StateKind::Standby).unwrap();
@@ -304,12 +306,12 @@ fn a_stack_overflow_is_told_after_the_reset() {
     let at = rig.now();
     station.run(rig, ms(1200)).unwrap();
     let (reset, _) = rig.resets()[0];
-    let last = rig.truth().pulses.iter().rfind(|p| p.fall < reset).unwrap();
+    let last = rig.truth().pulses_of(Axis::Pitch).iter().rfind(|p| p.fall < reset).unwrap();
     assert!(default_neutral_us().contains(&last.width_us()) && reset - at < ms(400));
     station.wait_for_state(rig, ms(3000), StateKind::Latched).unwrap();
     let told = &station.received().texts;
     let expected = "latched fault: self-check failed: stack overflow";
-    assert!(told.iter().any(|t| t.text == expected), "{told:?}");
+    assert!(told.iter().any(|t| t == expected), "{told:?}");
 }
 
 /// A drone whose mass is off its axis, with a rudder that is held against it.
@@ -358,15 +360,15 @@ fn a_laptop_that_stops_reading_or_goes_away_disturbs_nothing() {
     let mut flight = in_flight();
     let Ready { rig, station, .. } = &mut flight;
     let at = rig.now();
-    rig.usb_host_mut().pause_reading(true);
+    rig.chip.usb_host.pause_reading(true);
     station.run(rig, ms(1000)).unwrap();
-    rig.usb_host_mut().pause_reading(false);
-    rig.usb_host_mut().detach();
+    rig.chip.usb_host.pause_reading(false);
+    rig.chip.usb_host.detach();
     station.run(rig, ms(1000)).unwrap();
-    rig.usb_host_mut().attach();
+    rig.chip.usb_host.attach();
     station.run(rig, ms(1000)).unwrap();
     assert_pulses_went_on(rig.truth().pulses_since(at), ms(3000));
-    let pitch = rig.environment().vehicle().pitch_rad();
+    let pitch = rig.environment.vehicle().pitch_rad();
     assert!(pitch.abs() < 0.03, "{pitch}");
     let steps = rig.truth().steps.iter().filter(|s| s.start >= at).count();
     assert!((449..=451).contains(&steps), "{steps} steps in 3 s");
@@ -395,8 +397,8 @@ fn a_damaged_image_is_not_started_and_leaves_the_rudder_at_neutral() {
 
 fn refuses_to_start(mut flight: Ready, place: u32, bit: u8) {
     let Ready { rig, station, .. } = &mut flight;
-    let sound = rig.chip().flash()[place as usize];
-    rig.chip_mut().load_flash(place, &[sound ^ bit]);
+    let sound = rig.chip.memory.flash()[place as usize];
+    rig.chip.load_flash(place, &[sound ^ bit]);
     rig.press_reset();
     let at = rig.now();
     station.run(rig, ms(2000)).unwrap();
@@ -406,16 +408,16 @@ fn refuses_to_start(mut flight: Ready, place: u32, bit: u8) {
     assert!((30..34).contains(&pulses.len()), "{}", pulses.len());
     let neutral = default_neutral_us();
     assert!(pulses.iter().all(|pulse| neutral.contains(&pulse.width_us())));
-    assert!(rig.environment().vehicle().rudders_rad()[0].abs() < 0.02);
-    rig.environment_mut().catch();
-    rig.environment_mut().tilt_clamp_to([0.0, 0.0]);
+    assert!(rig.environment.vehicle().rudders_rad()[0].abs() < 0.02);
+    rig.environment.catch();
+    rig.environment.tilt_clamp_to([0.0, 0.0]);
     // A programmer puts the image right and resets.
-    rig.chip_mut().load_flash(place, &[sound]);
+    rig.chip.load_flash(place, &[sound]);
     rig.press_reset();
     station.wait_for_state(rig, ms(4000), StateKind::Latched).unwrap();
     // The state is told before the reason.
     station.run(rig, ms(100)).unwrap();
     let told = &station.received().texts;
     let expected = "latched fault: self-check failed: flash";
-    assert!(told.iter().any(|text| text.text == expected), "{told:?}");
+    assert!(told.iter().any(|text| text == expected), "{told:?}");
 }

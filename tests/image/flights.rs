@@ -147,7 +147,7 @@ fn flies_with_synchronisation_held() {
     let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     let flight = ready.fly(0.4, 0.2, 3.0, &mut |_| {}).unwrap();
     assert!(flight.response(Axis::Pitch).unwrap().settling_s(0.05).is_some_and(|s| s <= 0.9));
-    let violations = ready.rig.chip().peripherals().violations();
+    let violations = ready.rig.chip.violations();
     assert_eq!(violations.count(), 0, "{violations:?}");
 }
 
@@ -222,7 +222,7 @@ fn the_host_library_agrees_bit_for_bit() {
 fn agrees(mut ready: Ready, filter: &str) {
     let Ready { rig, station, .. } = &mut ready;
     station.list_parameters(rig).unwrap();
-    rig.environment_mut().tilt_clamp_to([0.6, 0.0]);
+    rig.environment.tilt_clamp_to([0.6, 0.0]);
     station.run(rig, ms(2000)).unwrap();
     station.arm(rig).unwrap();
     station.release(rig, 0.2).unwrap();

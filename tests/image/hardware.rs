@@ -100,9 +100,9 @@ fn neutral_without_host_us(clock_fine: Option<f32>) -> f64 {
         config.stored = Some(params);
     }
     let mut rig = Rig::new(firmware(), &config).unwrap();
-    rig.usb_host_mut().detach();
+    rig.chip.usb_host.detach();
     rig.run_for(Ticks::from_ms(500)).unwrap();
-    rig.truth().pulses.last().unwrap().width_us()
+    rig.truth().pulses_of(Axis::Pitch).last().unwrap().width_us()
 }
 
 /// A chip whose clock is 3.1 % slow makes pulses that are as much too long where no host corrects
@@ -112,7 +112,7 @@ fn pulses_are_right_without_usb_once_a_host_has_been_there() {
     let mut ready = prepare(firmware(), &with("clock=-3.1"), &mut |_| {}).unwrap();
     ready.station.list_parameters(&mut ready.rig).unwrap();
     let learned = ready.station.received().parameters["CLK_FINE"];
-    let with_host_us = ready.rig.truth().pulses.last().unwrap().width_us();
+    let with_host_us = ready.rig.truth().pulses_of(Axis::Pitch).last().unwrap().width_us();
     let never = neutral_without_host_us(None);
     assert!(never > 1.02 * with_host_us, "{never} us");
     let kept = neutral_without_host_us(Some(learned));

@@ -41,10 +41,10 @@ fn assert_undisturbed(mut host: impl FnMut(u64, &mut rig::Rig)) {
     assert!(timing.jitter_us_max < JITTER_US, "{timing:?}");
     assert!(timing.bursts as u64 >= LENGTH.as_us() / 10_000 - 2, "{timing:?}");
     assert_eq!(rig.resets(), []);
-    assert!(rig.environment().vehicle().pitch_rad().abs() < 0.2);
+    assert!(rig.environment.vehicle().pitch_rad().abs() < 0.2);
     // A host that behaves is served as before.
-    rig.usb_host_mut().pause_reading(false);
-    rig.usb_host_mut().attach();
+    rig.chip.usb_host.pause_reading(false);
+    rig.chip.usb_host.attach();
     station.run(rig, ms(1500)).unwrap();
     assert_eq!(station.state(), Some(StateKind::Active));
     station.list_parameters(rig).unwrap();
@@ -68,7 +68,7 @@ fn noise(seed: u64, length: usize) -> Vec<u8> {
 fn one_that_stops_reading() {
     assert_undisturbed(|millisecond, rig| {
         if millisecond == 0 {
-            rig.usb_host_mut().pause_reading(true);
+            rig.chip.usb_host.pause_reading(true);
         }
     });
 }
@@ -76,14 +76,14 @@ fn one_that_stops_reading() {
 #[test]
 fn one_that_reads_now_and_then() {
     assert_undisturbed(|millisecond, rig| {
-        rig.usb_host_mut().pause_reading(millisecond % 500 != 0);
+        rig.chip.usb_host.pause_reading(millisecond % 500 != 0);
     });
 }
 
 #[test]
 fn one_that_sends_noise_as_fast_as_it_can() {
     assert_undisturbed(|millisecond, rig| {
-        if rig.usb_host().unsent() < 4096 {
+        if rig.chip.usb_host.unsent() < 4096 {
             rig.usb_write(&noise(millisecond, 512));
         }
     });
@@ -102,7 +102,7 @@ fn one_that_sends_half_frames_wrong_sums_oversized_lengths_and_unknown_messages(
     let elsewhere = [0xFD, 3, 0, 0, 1, 255, 190, 0xF0, 0xFF, 0xFF, 1, 2, 3, 4, 5].to_vec();
     let hostile = [half, wrong_sum, oversized, unknown, elsewhere];
     assert_undisturbed(|millisecond, rig| {
-        if rig.usb_host().unsent() < 4096 {
+        if rig.chip.usb_host.unsent() < 4096 {
             rig.usb_write(&hostile[millisecond as usize % hostile.len()]);
         }
     });
@@ -130,8 +130,8 @@ fn one_that_is_unplugged_in_mid_frame() {
     let frame = station.frame(&request::DISARM.message());
     assert_undisturbed(|millisecond, rig| match millisecond % 500 {
         0 => rig.usb_write(&frame[..17]),
-        3 => rig.usb_host_mut().detach(),
-        100 => rig.usb_host_mut().attach(),
+        3 => rig.chip.usb_host.detach(),
+        100 => rig.chip.usb_host.attach(),
         _ => {}
     });
 }
@@ -145,9 +145,9 @@ fn one_that_comes_back_is_served_at_once_whenever_it_went() {
         let mut fork = flight.clone();
         let Ready { rig, station, .. } = &mut fork;
         station.run(rig, Ticks::from_us(instant * 333)).unwrap();
-        rig.usb_host_mut().detach();
+        rig.chip.usb_host.detach();
         station.run(rig, ms(97)).unwrap();
-        rig.usb_host_mut().attach();
+        rig.chip.usb_host.attach();
         station.begin_measurement();
         station.run(rig, ms(400)).unwrap();
         let attitudes = station.received().attitudes.len();

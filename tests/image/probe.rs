@@ -22,7 +22,7 @@ fn boots(image: &Image, address: u32) {
     let setup = Setup::with_polarity(ServoKind::S3003, 1);
     let ready = prepare(image, &setup, &mut |_| {}).unwrap_or_else(|error| panic!("{error}"));
     let log = image.symbol("_SEGGER_RTT").expect("RTT's control block");
-    let name = &ready.rig.chip().ram()[(log - RAM_START) as usize..][..10];
+    let name = &ready.rig.chip.memory.ram()[(log - RAM_START) as usize..][..10];
     assert_eq!(name, b"SEGGER RTT");
 }
 

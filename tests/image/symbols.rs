@@ -100,7 +100,7 @@ fn a_control_step_runs_no_float_routine() {
     let from = rig.now();
     let mut runs = Vec::new();
     while rig.now() < from + Ticks::from_ms(40) {
-        if let Some(name) = floats.get(&rig.chip().pc()) {
+        if let Some(name) = floats.get(&rig.chip.pc()) {
             runs.push((rig.now(), *name));
         }
         rig.run_for(Ticks(1)).unwrap();

@@ -74,7 +74,7 @@ fn both_axes_come_upright_with_and_without_spin() {
 fn both_pulses_rise_with_the_frame_and_neither_is_missing() {
     let mut ready = ready();
     let Ready { rig, station, .. } = &mut ready;
-    rig.environment_mut().truth.clear();
+    rig.environment.truth.clear();
     station.run(rig, ms(500)).unwrap();
     let truth = rig.truth();
     let [pitch, roll] = Axis::ALL.map(|axis| truth.pulses_of(axis));
@@ -134,7 +134,7 @@ fn both_rudders_go_to_neutral_where_the_stored_parameters_are_lost() {
 }
 
 fn in_flight_off_neutral(rig: &mut Rig, station: &mut GroundStation) {
-    rig.environment_mut().tilt_clamp_to([0.4, 0.3]);
+    rig.environment.tilt_clamp_to([0.4, 0.3]);
     station.run(rig, ms(5000)).unwrap();
     station.arm(rig).unwrap();
     station.release(rig, 0.2).unwrap();

@@ -150,7 +150,7 @@ impl Way for OnRig {
 
     fn reopen(&mut self) -> Result<()> {
         let until = self.now() + RETURN;
-        while self.now() < until && !self.attended.rig.usb_host().is_configured() {
+        while self.now() < until && !self.attended.rig.chip.usb_host.is_configured() {
             self.slice()?;
         }
         Ok(())

@@ -88,7 +88,7 @@ impl Bench {
         let Ready { rig, station, .. } = &mut self.ready;
         station.run(rig, time).unwrap();
         let texts = &station.received().texts[self.texts..];
-        self.said.extend(texts.iter().map(|text| text.text.clone()));
+        self.said.extend(texts.iter().cloned());
         self.texts += texts.len();
     }
 
@@ -143,7 +143,7 @@ impl Bench {
             _ => {
                 self.act(words);
                 self.run(ms(50));
-                while parts[0] == "tilt" && !self.ready.rig.environment().clamp_rests() {
+                while parts[0] == "tilt" && !self.ready.rig.environment.clamp_rests() {
                     self.run(LOOK);
                 }
             }

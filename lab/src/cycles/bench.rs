@@ -51,13 +51,13 @@ impl Bench {
         run_to(&mut chip, ASKED)?;
         let asked = chip.registers();
         let stack = image.sizes().static_ram as usize..(asked.msp - RAM_BASE) as usize;
-        chip.ram_mut()[stack.clone()].fill(PAINT);
+        chip.memory.ram_mut()[stack.clone()].fill(PAINT);
         Ok(Self { input, up: symbol("UP")?, chip, asked, stack })
     }
 
     /// Cycles of the update with this sample or reading, of at most [`WORDS`] words.
     pub fn update(&mut self, words: &[u32]) -> Result<u64> {
-        let (memory, _) = self.chip.ram_mut()[self.input..].as_chunks_mut();
+        let (memory, _) = self.chip.memory.ram_mut()[self.input..].as_chunks_mut();
         for (place, word) in memory.iter_mut().zip(words) {
             *place = word.to_le_bytes();
         }
@@ -79,7 +79,7 @@ impl Bench {
         let mut chip = self.chip.clone();
         step_over(&mut chip);
         run_to(&mut chip, UP_KNOWN)?;
-        let axis = |i: u32| chip.memory().read_u32(self.up + 4 * i).map(f32::from_bits);
+        let axis = |i: u32| chip.memory.read_u32(self.up + 4 * i).map(f32::from_bits);
         match (axis(0), axis(1), axis(2)) {
             (Some(x), Some(y), Some(z)) => Ok([x, y, z].map(f64::from)),
             _ => bail!("UP lies outside of RAM"),
@@ -88,7 +88,7 @@ impl Bench {
 
     /// Depth of the stack below the call that the updates so far have used, bytes.
     pub fn stack_bytes(&self) -> u32 {
-        let stack = &self.chip.ram()[self.stack.clone()];
+        let stack = &self.chip.memory.ram()[self.stack.clone()];
         let painted = stack.iter().take_while(|byte| **byte == PAINT).count();
         // The stack is used in words.
         ((stack.len() - painted) as u32).next_multiple_of(4)
@@ -111,7 +111,7 @@ fn run_to(chip: &mut Chip, breakpoint: u16) -> Result<()> {
             None => bail!("the update does not end ({stop})"),
         }
     }
-    match chip.memory().read_u16(chip.pc()) {
+    match chip.memory.read_u16(chip.pc()) {
         Some(found) if found == breakpoint => Ok(()),
         Some(PANIC) => bail!("the update panicked"),
         _ => bail!("the image stopped where it should not, at 0x{:x}", chip.pc()),

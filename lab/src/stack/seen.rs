@@ -28,11 +28,11 @@ pub fn on_the_rig(options: &Stack, image: &Image) -> Result<Seen> {
         let live = Live::begin(format!("running the image for {after} s"));
         advance(&mut rig, after, &mut |now| live.played(now, after))?;
         live.end();
-        return Ok(Seen { bytes: rig.stack_high_water(), priorities: rig.chip().priorities() });
+        return Ok(Seen { bytes: rig.stack_high_water(), priorities: rig.chip.priorities() });
     }
     let live = Live::begin(format!("boot and flight from {} rad", options.start));
     let ready = prepare(image, &setup, &mut |progress| live.flight(progress))?;
-    let priorities = ready.rig.chip().priorities();
+    let priorities = ready.rig.chip.priorities();
     let rate = START_RATE_RAD_S.copysign(options.start);
     let record = ready.fly(options.start, rate, options.seconds, &mut |progress| {
         live.flight(progress);

@@ -13,9 +13,9 @@ pub(super) struct Clamp {
     /// Tilt at which it holds or held the drone, rad.
     held_rad: [f64; Axis::COUNT],
     /// Tilt to which a held drone is being brought, rad.
-    wanted_rad: [f64; Axis::COUNT],
+    pub(super) wanted_rad: [f64; Axis::COUNT],
     /// When it opened; `None` while it holds.
-    released: Option<Ticks>,
+    pub(super) released: Option<Ticks>,
 }
 
 impl Clamp {
@@ -25,26 +25,9 @@ impl Clamp {
         Self { held_rad: tilt_rad, wanted_rad: tilt_rad, released: None }
     }
 
-    /// Begins to tilt a held drone to this, rad.
-    pub(super) fn tilt_to(&mut self, tilt_rad: [f64; Axis::COUNT]) {
-        self.wanted_rad = tilt_rad;
-    }
-
     /// True when it holds the drone at the tilt to which it was to bring it.
     pub(super) fn rests(&self, drone: &Vehicle) -> bool {
         drone.held() && self.held_rad == self.wanted_rad
-    }
-
-    /// Opens; the drone leaves it with a rate along its tilt and a spin, rad/s.
-    pub(super) fn open(
-        &mut self,
-        now: Ticks,
-        drone: &mut Vehicle,
-        rate_rad_s: f64,
-        spin_rad_s: f64,
-    ) {
-        drone.release(rate_rad_s, spin_rad_s);
-        self.released.get_or_insert(now);
     }
 
     /// Time since it opened; `None` while it holds.

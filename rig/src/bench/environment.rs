@@ -21,7 +21,7 @@ use super::config::{BenchConfig, VehicleConfig, hang};
 use super::disturbance::Disturbances;
 use super::sensor_motion::{HeldSensor, SensorMotion};
 use super::vehicle::Vehicle;
-use super::{Hardware, Knock, Magnet, Since, fault_schedule, stimulus};
+use super::{Knock, Magnet, Since, fault_schedule, stimulus};
 use crate::bno055::{Bno055, Fault, Stimulus};
 use crate::observe::ground_truth::{GroundTruth, Motion};
 use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
@@ -128,9 +128,9 @@ impl Environment {
         &self.vehicle
     }
 
-    /// The same to a pitch and a roll.
+    /// Has the clamp bring a held drone to a pitch and a roll, rad.
     pub fn tilt_clamp_to(&mut self, tilt_rad: [f64; Axis::COUNT]) {
-        self.clamp.tilt_to(tilt_rad);
+        self.clamp.wanted_rad = tilt_rad;
     }
 
     /// Whether the clamp holds the drone at the tilt that [`Self::tilt_clamp_to`] has asked for.
@@ -138,10 +138,10 @@ impl Environment {
         self.clamp.rests(&self.vehicle)
     }
 
-    /// Opens the clamp; the drone leaves it with a rate, rad/s.
+    /// Opens the clamp; the drone leaves it with a rate along its tilt, rad/s.
     pub fn release(&mut self, rate_rad_s: f64) {
-        let now = STEP * self.steps;
-        self.clamp.open(now, &mut self.vehicle, rate_rad_s, self.spin_rad_s);
+        self.vehicle.release(rate_rad_s, self.spin_rad_s);
+        self.clamp.released.get_or_insert(STEP * self.steps);
     }
 
     /// Closes the clamp on the drone where it is; the faults of its flight end.
@@ -238,15 +238,10 @@ impl Environment {
         self.sensor.set_errors(errors);
     }
 
-    /// The sensor's bus and its magnetometer are like those of `hardware` from now on.
-    pub fn set_sensor(&mut self, hardware: &Hardware) {
-        self.sensor.set_bus(hardware.sensor.bus.clone());
-        self.sensor.set_magnetometer(hardware.sensor.magnetometer);
-    }
-
-    /// The chip has been reset; what its pins do then it says itself.
+    /// The chip has been reset: what has begun on the bus and at the probe pin is forgotten. What its
+    /// pins do then it says itself.
     pub fn chip_reset(&mut self) {
-        self.analyzer.reset();
+        self.analyzer = LogicAnalyzer::default();
     }
 
     fn step(&mut self) {

@@ -38,15 +38,12 @@ pub struct Hardware {
     /// Frequency of the chip's slow oscillator, which the watchdog runs on, relative to 32,768 Hz;
     /// drawn from the rig's seed if it is not given.
     pub slow_clock: Option<f64>,
-    /// The chip: its wait states, its synchronisation, its wake-up time, its user row, its
-    /// watchdog, the growth of its clock's error, and the host at the other end of its cable.
+    /// The chip: its wait states, its synchronisation, its wake-up time, its user row, its flash,
+    /// its DSU, its watchdog, the growth of its clock's error, and the host at the other end of its
+    /// cable.
     pub chip: Options,
     /// A jumper leads the servo's signal from D3 to D2.
     pub jumper: bool,
-    /// How long erasing and writing flash take, relative to the data sheet's longest.
-    pub flash_time: f64,
-    /// How many cycles of the core the DSU's engine takes for a word of flash.
-    pub crc_cycles: f64,
     /// Probability that a read or a write of the port is lost on its way.
     pub usb_loss: f64,
 }
@@ -64,8 +61,6 @@ impl Default for Hardware {
             slow_clock: None,
             chip: Options { wake_up: Ticks::from_us(4), ..Options::default() },
             jumper: true,
-            flash_time: 1.0,
-            crc_cycles: 4.0,
             usb_loss: 0.0,
         }
     }
@@ -114,8 +109,6 @@ impl Hardware {
             dfll_error_ppm: (self.clock_percent * 1e4).round() as i32,
             osculp32k_hz: (self.slow_clock.unwrap_or(drawn) * 32_768.0).round() as u32,
             osculp32k_phase: Ticks(dice.random_range(0..CYCLE.0)),
-            flash_time_percent: (self.flash_time * 100.0).round() as u32,
-            crc_word_cycles: self.crc_cycles.round() as u32,
             ..self.chip.clone()
         }
     }

@@ -1,6 +1,6 @@
 //! The imperfections of a healthy sensor: noise, offsets, scale errors, drift, iron.
 
-use super::sample::STANDARD_GRAVITY_M_S2;
+use super::signal::STANDARD_GRAVITY_M_S2;
 use samd21::board::Ticks;
 
 /// A degree, rad.

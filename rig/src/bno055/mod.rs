@@ -60,21 +60,18 @@ mod imperfections;
 mod refresh;
 pub(crate) mod registers;
 mod replay;
-mod sample;
-mod sensors;
 mod signal;
 mod words;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use bus::{BusTiming, RareStretch};
 pub use config::{Config, Magnetometer, MagnetometerHealth, RefreshRates};
 pub use fault_kind::{Fault, FaultKind};
 pub use imperfections::{ImuErrors, WarmUp};
 pub use registers::Mode;
-pub(crate) use sample::STANDARD_GRAVITY_M_S2;
-pub use sensors::{Reading, Sensors};
+pub(crate) use signal::STANDARD_GRAVITY_M_S2;
 pub use signal::Stimulus;
 
 use crate::random::{Stream, generator};
@@ -234,14 +231,10 @@ impl Bno055 {
         self.faults.0.iter()
     }
 
-    /// Replaces how long it holds the clock line.
-    pub fn set_bus(&mut self, bus: BusTiming) {
-        self.config.bus = bus;
-    }
-
-    /// Replaces what the magnetometer is like.
-    pub fn set_magnetometer(&mut self, magnetometer: Magnetometer) {
-        self.signals.magnetometer = magnetometer;
+    /// Its bus and its magnetometer are like those of `config` from now on.
+    pub fn set_parts(&mut self, config: &Config) {
+        self.config.bus = config.bus.clone();
+        self.signals.magnetometer = config.magnetometer;
     }
 
     /// Replaces the errors of its sensors; the offset of the gyroscope that was drawn stays.

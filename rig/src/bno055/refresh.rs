@@ -4,8 +4,7 @@
 use super::calibration::Learner;
 use super::registers::{Mode, error, page0, page1};
 use super::replay::Playback;
-use super::sample::Sample;
-use super::signal::Settings;
+use super::signal::{Sample, Settings};
 use super::words::{FusionWords, MAG_PER_UT, acc_per_m_s2, gyr_per_rad_s, words};
 use super::{Bno055, FaultKind, GROUPS, Refresh, RefreshRates};
 use rand::Rng;

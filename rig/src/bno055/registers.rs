@@ -197,16 +197,8 @@ impl Mode {
 
     /// The gyroscope runs.
     pub fn has_gyr(self) -> bool {
-        matches!(
-            self,
-            Self::GyroOnly
-                | Self::AccGyro
-                | Self::MagGyro
-                | Self::Amg
-                | Self::Imu
-                | Self::NdofFmcOff
-                | Self::Ndof
-        )
+        use Mode::*;
+        !matches!(self, Config | AccOnly | MagOnly | AccMag | Compass | M4g)
     }
 
     /// The chip's own fusion runs.

@@ -1,7 +1,7 @@
 //! A recording in place of the sensors: each refresh shows the mean of the recorded samples since
 //! the refresh before.
 
-use super::sample::Sample;
+use super::signal::Sample;
 use recordings::{RecordedSample, Recording};
 use samd21::board::Ticks;
 use std::sync::Arc;

@@ -5,7 +5,6 @@ use super::config::{Magnetometer, MagnetometerHealth};
 use super::imperfections::ImuErrors;
 use super::registers::Mode;
 use super::replay::Playback;
-use super::sample::{STANDARD_GRAVITY_M_S2, Sample};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -18,6 +17,18 @@ const REFERENCE_C: f64 = 25.0;
 const BIAS_CORRELATION_S: f64 = 100.0;
 /// Range of the magnetometer in x, y and z, uT (data sheet table 0-2).
 const MAG_RANGE_UT: [f64; 3] = [1300.0, 1300.0, 2500.0];
+
+/// Standard gravity, m/s^2: the chip's 1 g.
+pub(crate) const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
+
+/// One refresh of the sensors, in SI units along the package axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Sample {
+    pub(super) acc_m_s2: [f64; 3],
+    pub(super) gyr_rad_s: [f64; 3],
+    pub(super) mag_ut: [f64; 3],
+    pub(super) attitude: [f64; 4],
+}
 
 /// The physical quantities at the sensor, along the axes printed on its package.
 #[derive(Clone, Copy, Debug, PartialEq)]

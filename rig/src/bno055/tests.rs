@@ -2,7 +2,9 @@
 
 mod calibration;
 mod faults;
+mod navigation;
 mod options;
+pub(crate) mod sensors;
 
 use super::registers::{page1, status, trigger, unit};
 use super::*;

@@ -1,8 +1,7 @@
 //! The words of the data registers, in the units of UNIT_SEL.
 
 use super::registers::unit;
-use super::sample::{STANDARD_GRAVITY_M_S2, Sample};
-use super::signal::Settings;
+use super::signal::{STANDARD_GRAVITY_M_S2, Sample, Settings};
 
 /// The word nearest to `value`, saturated.
 fn word(value: f64) -> i16 {

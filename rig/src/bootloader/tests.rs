@@ -19,7 +19,7 @@ fn started(bootloader: Bootloader) -> Rig {
 
 /// The image leaves a word and resets, or the button is pressed, which is the same to a bootloader.
 fn reset_with(rig: &mut Rig, left: u32) {
-    put_word(rig.chip_mut().ram_mut(), left);
+    put_word(rig.chip.memory.ram_mut(), left);
     rig.press_reset();
 }
 
@@ -69,7 +69,7 @@ fn power_starts_the_image_without_waiting() {
         let mut rig = Rig::new(&counter(), &config).unwrap();
         near(image_after(&mut rig), us);
         let word_of = bootloader.figures().map_or(0, |figures| figures.word);
-        put_word(rig.chip_mut().ram_mut(), word_of);
+        put_word(rig.chip.memory.ram_mut(), word_of);
         rig.power_cycle();
         near(image_after(&mut rig), us);
     }
@@ -122,7 +122,7 @@ fn the_literal_tells_the_bootloaders_apart() {
         (Bootloader::None, None),
     ] {
         let rig = started(bootloader);
-        let words = rig.chip().flash()[..0x2000].chunks_exact(4);
+        let words = rig.chip.memory.flash()[..0x2000].chunks_exact(4);
         let written: Vec<u32> = words
             .map(|bytes| u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
             .filter(|&word| word != u32::MAX)
@@ -130,5 +130,5 @@ fn the_literal_tells_the_bootloaders_apart() {
         assert_eq!(written, Vec::from_iter(word), "{bootloader:?}");
     }
     let arduino = started(Bootloader::Arduino);
-    assert_eq!(arduino.chip().flash()[0x724..0x728], [0x35, 0x81, 0x73, 0x07]);
+    assert_eq!(arduino.chip.memory.flash()[0x724..0x728], [0x35, 0x81, 0x73, 0x07]);
 }

@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use samd21::board::Ticks;
+use tvc_nano::Axis;
 
 use crate::bench::hardware::number;
 use crate::bench::{FaultEntry, Hardware};
@@ -65,10 +66,8 @@ const GUST_S: RangeInclusive<f64> = 0.01..=60.0;
 pub enum Action {
     /// Nothing.
     Look,
-    /// The clamp holds the drone at this tilt before every release, rad.
-    Tilt(f64),
-    /// The same in roll.
-    Roll(f64),
+    /// The clamp holds the drone at this tilt of an axis before every release, rad.
+    Tilt(Axis, f64),
     /// The clamp is opened or closed by hand; `None` leaves it to the firmware's state.
     Clamp(Option<bool>),
     /// An angular impulse, N m s.
@@ -119,8 +118,8 @@ impl FromStr for Action {
         let usage = || format!("say `{usage}`");
         let action = match (name, words.as_slice()) {
             ("state", []) => Self::Look,
-            ("tilt", [rad]) => Self::Tilt(number(rad, TILT_RAD)?),
-            ("roll", [rad]) => Self::Roll(number(rad, TILT_RAD)?),
+            ("tilt", [rad]) => Self::Tilt(Axis::Pitch, number(rad, TILT_RAD)?),
+            ("roll", [rad]) => Self::Tilt(Axis::Roll, number(rad, TILT_RAD)?),
             ("clamp", ["open"]) => Self::Clamp(Some(true)),
             ("clamp", ["closed"]) => Self::Clamp(Some(false)),
             ("clamp", ["auto"]) => Self::Clamp(None),

@@ -301,7 +301,7 @@ impl Ready {
     ) -> Flown<FlightRecord> {
         let begun = Mark::of(&self.rig);
         let mut fork = self.armed(release.tilt_rad, progress)?;
-        fork.rig.environment_mut().spin_rad_s = release.spin_rad_s;
+        fork.rig.environment.spin_rad_s = release.spin_rad_s;
         fork.station.release(&mut fork.rig, release.rate_rad_s)?;
         fork.fly_on(release.tilt_rad, seconds, begun, progress)
     }
@@ -322,7 +322,7 @@ impl Ready {
         let begun = Mark::of(&self.rig);
         let mut fork = self.armed(tilt_rad, progress)?;
         fork.watch(Stage::Tilt, Ticks::from_secs_f64(countdown_s), progress)?;
-        fork.rig.environment_mut().truth.clear();
+        fork.rig.environment.truth.clear();
         fork.rig.release(0.0);
         fork.fly_on(tilt_rad, seconds, begun, progress)
     }
@@ -363,7 +363,7 @@ impl Ready {
     ) -> Flown<FlightRecord> {
         let released = self.rig.now();
         self.station.begin_measurement();
-        self.rig.environment_mut().truth.waves.iter_mut().for_each(Waves::clear);
+        self.rig.environment.truth.waves.iter_mut().for_each(Waves::clear);
         let mark = Mark::of(&self.rig);
         let length = Ticks::from_secs_f64(seconds);
         self.watch_until(Stage::Flight, released, released + length, progress)?;
@@ -371,8 +371,8 @@ impl Ready {
     }
 
     fn tilt(&mut self, start_rad: [f64; Axis::COUNT], progress: Watch<'_>) -> Flown {
-        self.rig.environment_mut().tilt_clamp_to(start_rad);
-        while !self.rig.environment().clamp_rests() {
+        self.rig.environment.tilt_clamp_to(start_rad);
+        while !self.rig.environment.clamp_rests() {
             self.watch(Stage::Tilt, PROGRESS, progress)?;
         }
         self.watch(Stage::Tilt, REST, progress)
@@ -400,7 +400,7 @@ impl Ready {
     }
 
     fn progress(&self, stage: Stage, time: Ticks) -> Progress {
-        let drone = self.rig.environment().vehicle();
+        let drone = self.rig.environment.vehicle();
         Progress {
             stage,
             time_s: time.as_secs_f64(),
@@ -431,14 +431,14 @@ impl Ready {
             timing: LoopTiming::over(truth, window.clone()),
             missing: missing(&self.rig, &received, &window),
             pulses: truth.pulses_since(window.start).to_vec(),
-            roll_pulses: truth.roll_pulses.clone(),
+            roll_pulses: truth.pulses_of(Axis::Roll).to_vec(),
             waves: truth.waves.clone(),
             motion,
             link: self.station.counts(),
             received,
             cpu_load: mark.load_until(&now),
             stack_high_water: self.rig.stack_high_water(),
-            priorities: self.rig.chip().priorities(),
+            priorities: self.rig.chip.priorities(),
             final_state,
             simulated_s: (now.at - begun.at).as_secs_f64(),
             busy_s: begun.load_until(&now) * (now.at - begun.at).as_secs_f64(),
@@ -508,7 +508,7 @@ pub(crate) struct Mark {
 
 impl Mark {
     pub(crate) fn of(rig: &Rig) -> Self {
-        Self { at: rig.now(), counters: rig.chip().counters() }
+        Self { at: rig.now(), counters: rig.chip.counters() }
     }
 
     /// Share of the time between two marks for which the core was awake.

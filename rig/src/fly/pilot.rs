@@ -39,7 +39,7 @@ pub enum Manner {
 }
 
 /// Moves the clamp, and reads what the image and its ground station send.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Pilot {
     link: Wire,
     station: Wire,
@@ -90,17 +90,7 @@ impl Pilot {
     /// Releases the drone from the tilt `start_rad`, pitch and roll, rad, with a rate of
     /// `rate_rad_s`, rad/s. Does what a calibration asks for in this manner.
     pub fn new(start_rad: [f64; Axis::COUNT], rate_rad_s: f64, manner: Manner) -> Self {
-        Self {
-            link: Wire::default(),
-            station: Wire::default(),
-            manner,
-            start_rad,
-            rate_rad_s,
-            state: None,
-            check_rudder_at: None,
-            clamp: None,
-            ending: Vec::new(),
-        }
+        Self { start_rad, rate_rad_s, manner, ..Self::default() }
     }
 
     /// Reads what the program at the port has sent, and follows its prompts.
@@ -121,7 +111,7 @@ impl Pilot {
         if let Some(axis) = axis {
             self.check_rudder_at = Some((rig.now() + RUDDER_RESTS, axis));
         }
-        let environment = rig.environment_mut();
+        let environment = &mut rig.environment;
         match prompt {
             Prompt::Rest if self.manner == Manner::Trembling => {
                 environment.move_sensor(SensorMotion::TREMBLE);
@@ -177,7 +167,7 @@ impl Pilot {
         });
         let due = self.check_rudder_at.take_if(|(due, _)| rig.now() >= *due);
         if let Some((_, axis)) = due {
-            lines.push(describe(rig.environment().vehicle(), axis));
+            lines.push(describe(rig.environment.vehicle(), axis));
         }
         lines
     }
@@ -202,22 +192,20 @@ impl Pilot {
     /// It cannot be done to this rig.
     pub fn act(&mut self, rig: &mut Rig, action: &Action) -> Result<(), String> {
         let disturb = |rig: &mut Rig, change: &dyn Fn(&mut Disturbances)| {
-            let mut disturbances = rig.environment().disturbances();
+            let mut disturbances = rig.environment.disturbances();
             change(&mut disturbances);
-            rig.environment_mut().set_disturbances(disturbances);
+            rig.environment.set_disturbances(disturbances);
         };
         match action {
             Action::Look => {}
-            Action::Tilt(rad) => {
-                self.start_rad[0] = *rad;
-                rig.environment_mut().tilt_clamp_to(self.start_rad);
-            }
-            Action::Roll(_) if matches!(rig.environment().vehicle(), Vehicle::Pivot(_)) => {
+            Action::Tilt(Axis::Roll, _)
+                if matches!(rig.environment.vehicle(), Vehicle::Pivot(_)) =>
+            {
                 return Err("this drone only pitches: tvc rig --vehicle drone2".into());
             }
-            Action::Roll(rad) => {
-                self.start_rad[1] = *rad;
-                rig.environment_mut().tilt_clamp_to(self.start_rad);
+            Action::Tilt(axis, rad) => {
+                self.start_rad[axis.index()] = *rad;
+                rig.environment.tilt_clamp_to(self.start_rad);
             }
             Action::Clamp(by_hand) => {
                 self.clamp = *by_hand;
@@ -225,10 +213,10 @@ impl Pilot {
                     self.move_clamp(rig, *opens);
                 }
             }
-            Action::Push(impulse) => rig.environment_mut().push(*impulse),
-            Action::Gust(torque, seconds) => rig.environment_mut().gust(*torque, *seconds),
-            Action::Sensor(Some(motion)) => rig.environment_mut().move_sensor(*motion),
-            Action::Sensor(None) => rig.environment_mut().put_back(),
+            Action::Push(impulse) => rig.environment.push(*impulse),
+            Action::Gust(torque, seconds) => rig.environment.gust(*torque, *seconds),
+            Action::Sensor(Some(motion)) => rig.environment.move_sensor(*motion),
+            Action::Sensor(None) => rig.environment.put_back(),
             Action::Fault(fault, length) => {
                 self.forget(FaultKind::of(fault));
                 rig.inject(*fault);
@@ -257,8 +245,8 @@ impl Pilot {
             }
             Action::Store(false) => rig.spoil_store(),
             Action::Store(true) => rig.erase_store(),
-            Action::Usb(true) => rig.usb_host_mut().attach(),
-            Action::Usb(false) => rig.usb_host_mut().detach(),
+            Action::Usb(true) => rig.chip.usb_host.attach(),
+            Action::Usb(false) => rig.chip.usb_host.detach(),
         }
         Ok(())
     }
@@ -270,11 +258,11 @@ impl Pilot {
 
     /// Opens or closes the clamp, if it is not so already.
     fn move_clamp(&self, rig: &mut Rig, opens: bool) {
-        match (opens, rig.environment().vehicle().held()) {
+        match (opens, rig.environment.vehicle().held()) {
             (true, true) => rig.release(self.rate_rad_s),
             (false, false) => {
-                rig.environment_mut().catch();
-                rig.environment_mut().tilt_clamp_to(self.start_rad);
+                rig.environment.catch();
+                rig.environment.tilt_clamp_to(self.start_rad);
             }
             _ => {}
         }
@@ -282,7 +270,7 @@ impl Pilot {
 
     /// The state of the rig.
     pub fn look(&self, rig: &Rig) -> Look {
-        let environment = rig.environment();
+        let environment = &rig.environment;
         let faults = environment.sensor.faults();
         Look {
             time_s: rig.now().as_secs_f64(),
@@ -298,7 +286,7 @@ impl Pilot {
             start_roll_rad: self.start_rad[1],
             faults: faults.map(|fault| FaultKind::of(fault).name()).collect(),
             disturbances: environment.disturbances().rows(),
-            usb: rig.usb_host().is_attached(),
+            usb: rig.chip.usb_host.is_attached(),
             bootloader: rig.in_bootloader(),
             resets: rig.resets().len(),
         }

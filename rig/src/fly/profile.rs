@@ -67,7 +67,7 @@ pub fn advance(rig: &mut Rig, seconds: f64, progress: &mut dyn FnMut(f64)) -> Re
 }
 
 fn begin(rig: &mut Rig) -> Mark {
-    rig.chip_mut().begin_profile();
+    rig.chip.begin_profile();
     Mark::of(rig)
 }
 
@@ -80,6 +80,6 @@ fn end(begin: Mark, rig: &mut Rig) -> Window {
         seconds: (now.at - begin.at).as_secs_f64(),
         asleep_s: Ticks(now.counters.sleep_ticks - begin.counters.sleep_ticks).as_secs_f64(),
         steps: steps.filter(|step| window.contains(&step.start)).count(),
-        profile: rig.chip_mut().end_profile(),
+        profile: rig.chip.end_profile(),
     }
 }

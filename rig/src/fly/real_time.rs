@@ -74,7 +74,7 @@ impl RealTime {
     /// A rig whose port no program has opened yet, and whose clock runs `speed` times as fast as
     /// real time. With `control`, other programs act on it.
     pub fn new(mut attended: Attended, pty: Pty, control: Option<Control>, speed: f64) -> Self {
-        attended.rig.usb_host_mut().set_dtr(false);
+        attended.rig.chip.usb_host.set_dtr(false);
         Self {
             window_start: attended.rig.now(),
             attended,
@@ -140,7 +140,7 @@ impl RealTime {
             self.outgoing.drain(..count);
         }
         let full = self.outgoing.len() >= BUFFER;
-        self.attended.rig.usb_host_mut().pause_reading(full);
+        self.attended.rig.chip.usb_host.pause_reading(full);
         if self.attended.rig.now() - self.window_start >= WINDOW {
             self.measure_window();
         }
@@ -152,7 +152,7 @@ impl RealTime {
         &mut self,
         plugged: &mut dyn FnMut(&Path) -> io::Result<()>,
     ) -> Result<(), RealTimeError> {
-        match (self.attended.rig.usb_host().is_attached(), &self.pty) {
+        match (self.attended.rig.chip.usb_host.is_attached(), &self.pty) {
             (false, Some(_)) => self.pty = None,
             (true, None) => plugged(self.pty.insert(Pty::open()?).path())?,
             _ => {}
@@ -164,7 +164,7 @@ impl RealTime {
     /// does.
     fn watch_port(&mut self) {
         let open = self.pty.as_ref().is_some_and(Pty::is_open);
-        let host = self.attended.rig.usb_host_mut();
+        let host = &mut self.attended.rig.chip.usb_host;
         if let Some(pty) = self.pty.as_ref().filter(|_| open) {
             let baud = pty.baud();
             if baud != self.baud {
@@ -190,6 +190,6 @@ impl RealTime {
             self.summary.jitter_us_max = self.summary.jitter_us_max.max(timing.jitter_us_max);
         }
         self.window_start = self.attended.rig.now();
-        self.attended.rig.environment_mut().truth.clear();
+        self.attended.rig.environment.truth.clear();
     }
 }

@@ -63,7 +63,7 @@ pub fn replay(
     progress: &mut dyn FnMut(f64),
 ) -> Result<ReplayRecord, FlightError> {
     let mut rig = Rig::new(image, config)?;
-    rig.environment_mut().sensor.play(recording.clone(), Ticks::ZERO);
+    rig.environment.sensor.play(recording.clone(), Ticks::ZERO);
     let mut station = GroundStation::default();
     let begin = Mark::of(&rig);
     let end = Ticks::from_secs_f64(recording.duration_s().min(longest_s));

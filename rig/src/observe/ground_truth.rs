@@ -110,10 +110,8 @@ const HAND_OVER: Ticks = Ticks::from_us(1000);
 pub struct GroundTruth {
     /// The motion, once a millisecond.
     pub motion: Vec<Motion>,
-    /// Finished servo pulses at D3.
-    pub pulses: Vec<Pulse>,
-    /// The same at D2.
-    pub roll_pulses: Vec<Pulse>,
+    /// Finished pulses of each axis' servo.
+    pub pulses: [Vec<Pulse>; Axis::COUNT],
     /// Bursts that read all 18 bytes of data, or the 6 of the rates.
     pub bursts: Vec<Burst>,
     /// Control steps.
@@ -133,10 +131,7 @@ impl GroundTruth {
 
     /// Finished pulses of an axis' servo.
     pub fn pulses_of(&self, axis: Axis) -> &[Pulse] {
-        match axis {
-            Axis::Pitch => &self.pulses,
-            Axis::Roll => &self.roll_pulses,
-        }
+        &self.pulses[axis.index()]
     }
 
     /// The burst that a step works on: the newest one that had ended when the step began, unless
@@ -152,8 +147,9 @@ impl GroundTruth {
         &self.motion[self.motion.partition_point(|m| m.time < from)..]
     }
 
-    /// Pulses that rose at `from` or later.
+    /// Pulses of the first servo that rose at `from` or later.
     pub fn pulses_since(&self, from: Ticks) -> &[Pulse] {
-        &self.pulses[self.pulses.partition_point(|p| p.rise < from)..]
+        let pulses = self.pulses_of(Axis::Pitch);
+        &pulses[pulses.partition_point(|p| p.rise < from)..]
     }
 }

@@ -149,10 +149,7 @@ impl LogicAnalyzer {
         }
         let High { rise, asked } = high.take()?;
         let pulse = Pulse { rise, fall: now, asked };
-        match axis {
-            Axis::Pitch => truth.pulses.push(pulse),
-            Axis::Roll => truth.roll_pulses.push(pulse),
-        }
+        truth.pulses[axis.index()].push(pulse);
         Some(pulse)
     }
 
@@ -169,11 +166,6 @@ impl LogicAnalyzer {
         } else if let Some(start) = self.step_start.take() {
             truth.steps.push(Step { start, end: now });
         }
-    }
-
-    /// The chip was reset: forgets what has begun, but for the pulses, which its pins end.
-    pub(crate) fn reset(&mut self) {
-        *self = Self::default();
     }
 }
 
@@ -268,9 +260,9 @@ mod tests {
         assert_eq!(pulse.width_us(), 1523.0);
         assert!(!pulse.is_as_asked(0.0));
         analyzer.probe(Ticks::from_us(1), true, &mut truth);
-        analyzer.reset();
+        analyzer = LogicAnalyzer::default();
         analyzer.probe(Ticks::from_us(2), false, &mut truth);
-        assert_eq!((truth.pulses.len(), truth.steps.len()), (1, 0));
+        assert_eq!((truth.pulses[0].len(), truth.steps.len()), (1, 0));
     }
 
     #[test]
@@ -302,10 +294,10 @@ mod tests {
         analyzer.asked(Axis::Roll, Ticks::from_us(1500));
         analyzer.servo(Ticks::from_us(10), Axis::Roll, true, &mut truth);
         truth.clear();
-        analyzer.reset();
+        analyzer = LogicAnalyzer::default();
         analyzer.servo(Ticks::from_us(700), Axis::Roll, false, &mut truth);
-        let [pulse] = truth.roll_pulses[..] else {
-            panic!("{:?}", truth.roll_pulses);
+        let [pulse] = truth.pulses[1][..] else {
+            panic!("{:?}", truth.pulses[1]);
         };
         assert_eq!(pulse.width_us(), 690.0);
         assert!(!pulse.is_as_asked(0.0));

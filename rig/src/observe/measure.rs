@@ -108,7 +108,7 @@ fn periods_us(bursts: &[&Burst], apart: usize) -> impl Iterator<Item = f64> {
 /// that is followed by another before any pulse rises has no pulse.
 pub fn carried(truth: &GroundTruth) -> impl Iterator<Item = (&Burst, &Pulse)> {
     let mut last = None;
-    truth.pulses.iter().filter_map(move |pulse| {
+    truth.pulses_of(Axis::Pitch).iter().filter_map(move |pulse| {
         let step = truth.steps.partition_point(|s| s.end <= pulse.rise);
         let step = truth.steps.get(step.checked_sub(1)?)?;
         let burst = truth.bursts.partition_point(|b| b.end <= step.start);
@@ -159,7 +159,7 @@ mod tests {
                 });
                 truth.steps.push(Step { start: us(begin + 4310), end: us(begin + 5310) });
             }
-            truth.pulses.push(Pulse {
+            truth.pulses[0].push(Pulse {
                 asked: Asked([us(1523); 2]),
                 rise: us(overflow),
                 fall: us(overflow + 1523),
@@ -183,7 +183,7 @@ mod tests {
     #[test]
     fn a_cut_pulse_is_a_stray_one() {
         let mut truth = frames(50);
-        truth.pulses[20].fall = truth.pulses[20].rise + Ticks::from_us(900);
+        truth.pulses[0][20].fall = truth.pulses[0][20].rise + Ticks::from_us(900);
         let timing = LoopTiming::over(&truth, Ticks::ZERO..Ticks::from_ms(2000));
         assert_eq!(timing.strays, 1);
     }

@@ -39,14 +39,14 @@ impl Rig {
     fn overflow_stack(&mut self) -> Option<u32> {
         let end = self.image.symbol("_stack_end")?;
         let place = end.checked_sub(RAM)? as usize;
-        self.chip.ram_mut().get_mut(place..place + 4)?.fill(0);
+        self.chip.memory.ram_mut().get_mut(place..place + 4)?.fill(0);
         Some(self.chip.registers().r[15])
     }
 
     /// Puts one instruction into spare RAM; its address.
     fn spare(&mut self, instruction: u16) -> u32 {
         let place = SPARE_RAM..SPARE_RAM + 2;
-        self.chip.ram_mut()[place].copy_from_slice(&instruction.to_le_bytes());
+        self.chip.memory.ram_mut()[place].copy_from_slice(&instruction.to_le_bytes());
         RAM + SPARE_RAM as u32
     }
 
@@ -54,7 +54,7 @@ impl Rig {
     pub fn spoil_store(&mut self) {
         for slot in [0, store::SLOT_BYTES] {
             let address = store::STORE_ADDRESS + slot as u32 + 20;
-            let spoilt = self.chip.flash()[address as usize] ^ 4;
+            let spoilt = self.chip.memory.flash()[address as usize] ^ 4;
             self.chip.load_flash(address, &[spoilt]);
         }
     }

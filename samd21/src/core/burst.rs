@@ -6,8 +6,8 @@
 
 use super::access::{Ram, block, read, word, write};
 use super::decode::{Instruction, Operation};
+use super::execute::bits;
 use super::flags::{CONDITIONS, RULES};
-use super::transfer::bits;
 use super::{Core, FLASH_LINES, LR, REGISTERS, SP, TRAIL};
 use crate::memory::{FLASH_SIZE, Memory, RAM_BASE};
 

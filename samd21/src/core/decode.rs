@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use crate::memory::FLASH_SIZE;
+use crate::memory::{FLASH_SIZE, filled};
 
 /// What an instruction does, and with which of its fields: registers `a`, `b`, `c` and `imm`.
 ///
@@ -332,11 +332,7 @@ pub(crate) struct Code(Arc<[Instruction; HALF_WORDS]>);
 impl Code {
     /// The code of erased flash.
     pub(crate) fn erased() -> Self {
-        let code: Arc<[Instruction]> = vec![Instruction::OTHER; HALF_WORDS].into();
-        match code.try_into() {
-            Ok(code) => Self(code),
-            Err(_) => unreachable!("the vector was made as long"),
-        }
+        Self(filled(Instruction::OTHER).into())
     }
 
     /// Decodes what `len` bytes of `flash` from `start` on, which have changed, may be part of.

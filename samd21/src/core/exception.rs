@@ -62,16 +62,8 @@ impl Core {
         let aligned = if sp & 4 != 0 { XPSR_ALIGNED } else { 0 };
         let frame = sp.wrapping_sub(FRAME_BYTES) & !7;
         self.set_sp(frame);
-        let words = [
-            self.r[0],
-            self.r[1],
-            self.r[2],
-            self.r[3],
-            self.r[12],
-            self.r[LR],
-            self.pc,
-            self.xpsr() | aligned,
-        ];
+        let [r0, r1, r2, r3, ..] = self.r;
+        let words = [r0, r1, r2, r3, self.r[12], self.r[LR], self.pc, self.xpsr() | aligned];
         for (address, word) in (frame..).step_by(4).zip(words) {
             self.store::<4>(bus, address, word).map_err(|trap| kind(*trap))?;
         }

@@ -16,10 +16,8 @@ mod execute;
 mod flags;
 mod nvic;
 mod profile;
-mod special;
 mod system_control;
 mod systick;
-mod transfer;
 mod view;
 
 pub use self::nvic::EXCEPTIONS;
@@ -318,7 +316,7 @@ impl Core {
         self.wait_states = u64::from(
             self.forced_wait_states.unwrap_or_else(|| bus.peripherals.flash_wait_states()),
         );
-        if let Some(cause) = bus.peripherals.take_reset() {
+        if let Some(cause) = bus.peripherals.pending_reset.take() {
             self.reset_request = Some(cause);
         }
         let before = self.nvic.pending;

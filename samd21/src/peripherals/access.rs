@@ -73,12 +73,6 @@ impl Lanes {
         Self { value: (value << (8 * offset)) & mask, mask }
     }
 
-    /// A write of the whole word.
-    #[cfg(test)]
-    pub(crate) fn word(value: u32) -> Self {
-        Self::new(value, 0, 4)
-    }
-
     /// `old` with the written bytes replaced.
     pub(crate) fn merge(self, old: u32) -> u32 {
         (old & !self.mask) | self.value
@@ -118,6 +112,13 @@ impl Lanes {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl Lanes {
+        /// A write of the whole word.
+        pub(crate) fn word(value: u32) -> Self {
+            Self::new(value, 0, 4)
+        }
+    }
 
     #[test]
     fn lanes_reach_the_bytes_they_name() {

@@ -17,25 +17,21 @@ pub enum ResetCause {
     System = 0x40,
 }
 
-/// Size of a bus access.
+/// Size of a bus access; the value is its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
     /// 8 bits.
-    Byte,
+    Byte = 1,
     /// 16 bits.
-    Half,
+    Half = 2,
     /// 32 bits.
-    Word,
+    Word = 4,
 }
 
 impl Width {
     /// 1, 2 or 4.
     pub const fn bytes(self) -> u32 {
-        match self {
-            Self::Byte => 1,
-            Self::Half => 2,
-            Self::Word => 4,
-        }
+        self as u32
     }
 }
 

@@ -81,29 +81,18 @@ impl Gclk {
         let mut sync = SyncFlags::new(options.syncbusy_hold);
         let wdt_runs = options.user_row.wdt_ctrl() & 1 << 1 != 0;
         sync.set_clocked(Ticks::ZERO, true);
-        let mut gclk = Self {
-            sync,
-            control: Indirect::default(),
-            divisor: Indirect::default(),
-            clocks: [0; CLOCKS],
-            selected: 0,
-            rates: [None; GENERATORS],
-            wdt: 2 << 8 | if wdt_runs { CLKEN } else { 0 },
-        };
-        gclk.reset();
-        gclk
+        Self::after_reset(sync, [None; GENERATORS], 2 << 8 | if wdt_runs { CLKEN } else { 0 })
     }
 
-    fn reset(&mut self) {
-        self.control = Indirect::default();
+    fn after_reset(sync: SyncFlags<1>, rates: [Option<Rate>; GENERATORS], wdt: u16) -> Self {
+        let (mut control, mut divisor) = (Indirect::default(), Indirect::default());
         // Generator 0 from OSC8M; generator 2, the watchdog's, from OSCULP32K.
-        self.control.of[0] = 6 << 8 | GENEN;
-        self.control.of[2] = 3 << 8 | GENEN;
-        self.divisor = Indirect::default();
-        self.divisor.of[2] = 32 << 8;
-        self.clocks = [0; CLOCKS];
-        self.clocks[WDT] = self.wdt;
-        self.selected = 0;
+        control.of[0] = 6 << 8 | GENEN;
+        control.of[2] = 3 << 8 | GENEN;
+        divisor.of[2] = 32 << 8;
+        let mut clocks = [0; CLOCKS];
+        clocks[WDT] = wdt;
+        Self { sync, control, divisor, clocks, selected: 0, rates, wdt }
     }
 
     /// The rate of generator 0, the CPU's.
@@ -182,7 +171,7 @@ impl Gclk {
         match offset {
             0x00 => {
                 if lanes.byte(0).is_some_and(|ctrl| ctrl & 1 != 0) {
-                    self.reset();
+                    *self = Self::after_reset(self.sync.clone(), self.rates, self.wdt);
                     self.sync.begin(begin, 0);
                 }
                 let selected = self.clocks[self.selected] | self.selected as u16;

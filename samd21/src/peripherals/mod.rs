@@ -64,7 +64,7 @@ use map::{Block, Bridge, Entry};
 
 /// All peripherals of one chip.
 #[derive(Clone, Debug)]
-pub struct Peripherals {
+pub(crate) struct Peripherals {
     options: Options,
     pac: pac::Pac,
     pm: pm::Pm,
@@ -79,7 +79,8 @@ pub struct Peripherals {
     tcc: [tcc::Tcc; 3],
     pub(crate) usb: usb::Usb,
     wdt: wdt::Wdt,
-    violations: Violations,
+    /// Misuse since power-on that the real chip would have swallowed.
+    pub(crate) violations: Violations,
     /// Length of a CPU cycle in parts of a tick.
     pub(crate) cycle: u64,
     /// The flash is read faster than it can be.
@@ -87,7 +88,8 @@ pub struct Peripherals {
     pub(crate) irq_lines: u32,
     pub(crate) next: Ticks,
     pub(crate) last: Ticks,
-    pending_reset: Option<ResetCause>,
+    /// A reset that a peripheral asks for.
+    pub(crate) pending_reset: Option<ResetCause>,
 }
 
 impl Peripherals {
@@ -99,7 +101,7 @@ impl Peripherals {
             pm: pm::Pm::new(ResetCause::PowerOn),
             sysctrl: sysctrl::Sysctrl::new(options),
             gclk: gclk::Gclk::new(options),
-            dsu: dsu::Dsu::new(options.crc_word_cycles),
+            dsu: dsu::Dsu::new(options.crc_word_cycles.round() as u32),
             eic: eic::Eic::new(options.syncbusy_hold),
             nvmctrl: nvmctrl::Nvmctrl::new(options),
             port: port::Port::default(),
@@ -159,11 +161,7 @@ impl Peripherals {
             Err(Refusal::Misaligned)
         };
         let shifted = word.map_err(|refusal| refused(addr, refusal))? >> (8 * (addr & 3));
-        Ok(match width {
-            Width::Byte => shifted & 0xFF,
-            Width::Half => shifted & 0xFFFF,
-            Width::Word => shifted,
-        })
+        Ok(shifted & u32::MAX >> (32 - 8 * width.bytes()))
     }
 
     fn read_word(&mut self, now: Ticks, addr: u32, board: &dyn Board) -> Read {
@@ -337,16 +335,6 @@ impl Peripherals {
     /// NVMCTRL.CTRLB.RWS.
     pub(crate) fn flash_wait_states(&self) -> u8 {
         self.nvmctrl.wait_states()
-    }
-
-    /// Takes a reset that a peripheral asks for.
-    pub(crate) fn take_reset(&mut self) -> Option<ResetCause> {
-        self.pending_reset.take()
-    }
-
-    /// Misuse since power-on that the real chip would have swallowed.
-    pub fn violations(&self) -> &Violations {
-        &self.violations
     }
 
     /// Hands new clock rates on after a change; false if the CPU is left without a clock.

@@ -68,9 +68,6 @@ const SERIAL_NUMBER: [u32; 4] = [0x5D21_0001, 0x5D21_0002, 0x5D21_0003, 0x5D21_0
 /// 0x0080_6030: room 25.0 degrees, hot 85.0, their references and ADC readings.
 const TEMPERATURE_LOG: u64 = 25 | 85 << 12 | 0x0C00 << 40 | 0x0E66 << 52;
 
-const PROTECTED: &str = "command into flash that BOOTPROT protects";
-const OUTSIDE: &str = "command with ADDR outside of flash";
-
 /// A command that changes flash.
 #[derive(Clone, Debug)]
 struct Command {
@@ -106,7 +103,7 @@ impl Nvmctrl {
             busy_until: Ticks::ZERO,
             command: None,
             user_row: options.user_row,
-            time_percent: options.flash_time_percent,
+            time_percent: (options.flash_time * 100.0).round() as u32,
         }
     }
 
@@ -217,14 +214,9 @@ impl Nvmctrl {
         match command & 0x7F {
             0x02 => {
                 let row = self.address * 2 / ROW * ROW;
-                if self.is_protected(row) {
-                    return self.refuse(bus, LOCKE, PROTECTED);
-                }
-                self.begin(bus, memory, row, ROW);
-                if memory.erase(row, ROW as usize).is_none() {
-                    return self.refuse(bus, NVME, OUTSIDE);
-                }
-                Ok(self.take(bus, ROW_ERASE))
+                self.change(bus, memory, (row, ROW), ROW_ERASE, |_, memory| {
+                    memory.erase(row, ROW as usize)
+                })
             }
             0x04 => self.program(bus, memory),
             0x44 => {
@@ -237,25 +229,37 @@ impl Nvmctrl {
     }
 
     fn program(&mut self, bus: &mut Bus<'_>, memory: &mut Memory) -> Write {
-        let start = self.address * 2 / PAGE * PAGE;
-        if self.is_protected(start) {
-            return self.refuse(bus, LOCKE, PROTECTED);
-        }
-        self.begin(bus, memory, start, PAGE);
-        if memory.program(start, &self.page).is_none() {
-            return self.refuse(bus, NVME, OUTSIDE);
-        }
-        self.clear_page_buffer();
-        Ok(self.take(bus, PAGE_PROGRAM))
+        let page = self.address * 2 / PAGE * PAGE;
+        self.change(bus, memory, (page, PAGE), PAGE_PROGRAM, |nvmctrl, memory| {
+            memory.program(page, &nvmctrl.page)?;
+            nvmctrl.clear_page_buffer();
+            Some(())
+        })
     }
 
-    /// Keeps what is at `address`, for a reset that may come before the command's end.
-    fn begin(&mut self, bus: &Bus<'_>, memory: &Memory, address: u32, length: u32) {
-        self.command = memory.bytes(address, length as usize).map(|before| Command {
-            since: bus.now,
-            address,
-            before: before.into(),
-        });
+    /// Carries out a command on the flash `at` an address and of a length, unless BOOTPROT refuses.
+    /// Keeps what is there, for a reset that may come before the command's end. Is busy for as long
+    /// as the command takes on this chip, `longest` on any.
+    fn change(
+        &mut self,
+        bus: &mut Bus<'_>,
+        memory: &mut Memory,
+        at: (u32, u32),
+        longest: Ticks,
+        carry_out: impl FnOnce(&mut Self, &mut Memory) -> Option<()>,
+    ) -> Write {
+        let (address, length) = at;
+        if address < self.user_row.protected_bytes() {
+            return self.refuse(bus, LOCKE, "command into flash that BOOTPROT protects");
+        }
+        let before = memory.bytes(address, length as usize).map(Into::into);
+        self.command = before.map(|before| Command { since: bus.now, address, before });
+        if carry_out(self, memory).is_none() {
+            return self.refuse(bus, NVME, "command with ADDR outside of flash");
+        }
+        let time = longest * u64::from(self.time_percent) / 100;
+        self.busy_until = bus.now + time;
+        Ok(time)
     }
 
     /// A reset: a command that has not ended leaves flash as far as it has come.
@@ -267,18 +271,6 @@ impl Nvmctrl {
         let share = passed as f64 / all as f64;
         // It was read from there.
         let _ = memory.undo_in_part(command.address, &command.before, share, seed ^ now.0);
-    }
-
-    /// Is busy for as long as a command takes on this chip.
-    fn take(&mut self, bus: &Bus<'_>, longest: Ticks) -> Ticks {
-        let time = longest * u64::from(self.time_percent) / 100;
-        self.busy_until = bus.now + time;
-        time
-    }
-
-    /// Whether BOOTPROT refuses to change what is at `address`.
-    fn is_protected(&self, address: u32) -> bool {
-        address < self.user_row.protected_bytes()
     }
 
     /// The command is not carried out, takes no time, and leaves `error` in STATUS.

@@ -13,7 +13,7 @@ fn the_hal_starts_48_mhz_with_and_without_held_synchronisation() {
         bench.start_clocks();
         assert_eq!(bench.peripherals.cycle, 1 << FRACTION);
         assert_eq!(bench.peripherals.flash_wait_states(), 1);
-        assert_eq!(bench.peripherals.violations().first(), []);
+        assert_eq!(bench.peripherals.violations.first(), []);
     }
 }
 
@@ -71,9 +71,9 @@ fn the_watchdogs_clock_follows_the_slow_oscillator() {
         bench.w8(0x4000_1000, 0x02);
         bench.wait(0x4000_1007, Width::Byte, 0x80, false);
         bench.pass(Ticks::from_us(limit_us - 1100));
-        assert_eq!(bench.peripherals.take_reset(), None, "{hz} Hz");
+        assert_eq!(bench.peripherals.pending_reset.take(), None, "{hz} Hz");
         bench.pass(Ticks::from_us(1200));
-        let cause = bench.peripherals.take_reset();
+        let cause = bench.peripherals.pending_reset.take();
         assert_eq!(cause, Some(ResetCause::Watchdog), "{hz} Hz");
     }
 }
@@ -91,9 +91,9 @@ fn the_watchdog_comes_sooner_when_its_oscillator_becomes_faster() {
     let now = bench.now;
     bench.peripherals.set_slow_oscillator(now, 40_960);
     bench.pass(Ticks::from_us(49_000));
-    assert_eq!(bench.peripherals.take_reset(), None);
+    assert_eq!(bench.peripherals.pending_reset.take(), None);
     bench.pass(Ticks::from_us(2_000));
-    let cause = bench.peripherals.take_reset();
+    let cause = bench.peripherals.pending_reset.take();
     assert_eq!(cause, Some(ResetCause::Watchdog));
 }
 
@@ -103,9 +103,9 @@ fn an_erased_user_row_resets_the_chip_every_second() {
     let mut bench = Bench::with(&options, Unconnected);
     for _ in 0..2 {
         bench.pass(Ticks::from_ms(990));
-        assert_eq!(bench.peripherals.take_reset(), None);
+        assert_eq!(bench.peripherals.pending_reset.take(), None);
         bench.pass(Ticks::from_ms(20));
-        let cause = bench.peripherals.take_reset();
+        let cause = bench.peripherals.pending_reset.take();
         assert_eq!(cause, Some(ResetCause::Watchdog));
         bench.reset(ResetCause::Watchdog);
     }
@@ -168,11 +168,11 @@ fn the_cpu_cannot_be_left_without_a_clock() {
 fn flash_without_a_wait_state_is_noted_above_24_mhz() {
     let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     bench.start_clocks();
-    assert_eq!(bench.peripherals.violations().count(), 0);
+    assert_eq!(bench.peripherals.violations.count(), 0);
     bench.w32(NVMCTRL + 4, 1 << 7);
     assert_eq!(bench.peripherals.flash_wait_states(), 0);
-    assert_eq!(bench.peripherals.violations().count(), 1);
-    assert_eq!(bench.peripherals.violations().first()[0].peripheral, "NVMCTRL");
+    assert_eq!(bench.peripherals.violations.count(), 1);
+    assert_eq!(bench.peripherals.violations.first()[0].peripheral, "NVMCTRL");
 }
 
 #[test]
@@ -317,7 +317,7 @@ fn any_sercom_is_an_i2c_master_through_the_pads_that_reach_the_boards_bus() {
         bench.pass(Ticks::from_us(40));
         assert_eq!(bench.peripherals.irq_lines, 1 << (9 + sercom));
         assert_eq!(bench.r16(base + 0x1A), 2 << 4 | 1 << 7);
-        assert_eq!(bench.peripherals.violations().first(), []);
+        assert_eq!(bench.peripherals.violations.first(), []);
     }
 }
 
@@ -338,7 +338,7 @@ fn a_sercom_whose_pads_lie_elsewhere_does_not_reach_the_boards_bus() {
     // Nobody acknowledges: RXNACK with MB.
     assert_eq!(bench.r8(SERCOM3 + 0x18) & 1, 1);
     assert_eq!(bench.r16(SERCOM3 + 0x1A) & 1 << 2, 1 << 2);
-    let violations = bench.peripherals.violations().first();
+    let violations = bench.peripherals.violations.first();
     assert_eq!(violations[0].peripheral, "SERCOM3");
 }
 
@@ -404,13 +404,13 @@ fn a_starved_watchdog_asks_for_a_reset() {
     bench.w8(WDT, 2);
     bench.pass(Ticks::from_ms(75));
     assert_eq!(bench.peripherals.irq_lines, 1 << 2);
-    assert_eq!(bench.peripherals.take_reset(), None);
+    assert_eq!(bench.peripherals.pending_reset.take(), None);
     bench.pass(Ticks::from_ms(60));
-    let cause = bench.peripherals.take_reset();
+    let cause = bench.peripherals.pending_reset.take();
     assert_eq!(cause, Some(ResetCause::Watchdog));
     bench.reset(ResetCause::Watchdog);
     bench.pass(Ticks::from_ms(200));
-    assert_eq!(bench.peripherals.take_reset(), None);
+    assert_eq!(bench.peripherals.pending_reset.take(), None);
 }
 
 #[test]
@@ -426,7 +426,7 @@ fn time_goes_on_when_an_event_turns_out_to_be_overdue() {
     bench.multiplex(0, 25, 6);
     bench.pass(Ticks::from_ms(20));
     assert_eq!(bench.r16(0x4100_501C) & 1, 1, "SUSPEND");
-    assert_eq!(bench.peripherals.violations().count(), 1);
+    assert_eq!(bench.peripherals.violations.count(), 1);
 }
 
 #[test]

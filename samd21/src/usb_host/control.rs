@@ -123,38 +123,27 @@ impl Host {
             return;
         };
         let outcome = self.transact(&mut transfer, usb, memory);
+        let is_cut_short = transfer.request == Request::DeviceFirst
+            && transfer.stage == Stage::StatusOut
+            && self.system.cuts_status_short();
         match outcome {
-            Outcome::Progress => {
-                transfer.silences = 0;
-                let cut_short = transfer.request == Request::DeviceFirst
-                    && transfer.stage == Stage::StatusOut
-                    && self.system.cuts_status_short();
-                if cut_short {
-                    self.finish(now, transfer.request, transfer.data);
-                    return;
-                }
+            Outcome::Done => return self.finish(now, transfer.request, transfer.data),
+            Outcome::Progress if is_cut_short => {
+                return self.finish(now, transfer.request, transfer.data);
             }
-            Outcome::Done => {
-                self.finish(now, transfer.request, transfer.data);
-                return;
-            }
+            Outcome::Progress => transfer.silences = 0,
             Outcome::Later => {
                 self.session.transfer = Some(transfer);
-                self.delay_control(now);
-                return;
+                return self.delay_control(now);
             }
             Outcome::Silent => {
                 transfer.silences += 1;
                 if transfer.silences == SILENCES {
-                    self.fail(now, HostError::NoAnswer(transfer.request.name()));
-                    return;
+                    return self.fail(now, HostError::NoAnswer(transfer.request.name()));
                 }
                 self.pipe(Pipe::Control).ready = now + FRAME;
             }
-            Outcome::Failed(error) => {
-                self.refused(now, transfer.request, error);
-                return;
-            }
+            Outcome::Failed(error) => return self.refused(now, transfer.request, error),
         }
         self.session.transfer = Some(transfer);
     }

@@ -20,17 +20,6 @@ const BOS_VERSION: [u8; 2] = [0x02, 0x01];
 /// US English.
 const LANGUAGE: u16 = 0x0409;
 
-/// The device's strings, empty where it has none.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Strings {
-    /// iManufacturer.
-    pub manufacturer: String,
-    /// iProduct.
-    pub product: String,
-    /// iSerialNumber.
-    pub serial_number: String,
-}
-
 impl Host {
     /// Begins with the first request; endpoint 0 is used from `ready` on.
     pub(super) fn begin_enumeration(&mut self, ready: Ticks) {
@@ -66,11 +55,8 @@ impl Host {
     fn compose_request(&self, request: Request) -> ([u8; 8], Vec<u8>) {
         let port = self.session.port.unwrap_or_default();
         let interface = u16::from(port.control_interface);
-        let total = self
-            .enumeration
-            .configuration
-            .get(2..4)
-            .map_or(9, |bytes| u16::from_le_bytes([bytes[0], bytes[1]]));
+        let total = self.enumeration.configuration.get(2..4);
+        let total = total.map_or(9, |bytes| u16::from_le_bytes([bytes[0], bytes[1]]));
         let setup = match request {
             Request::DeviceHead => setup(0x80, 6, 0x0100, 0, 8),
             Request::DeviceFirst => setup(0x80, 6, 0x0100, 0, 64),
@@ -104,20 +90,20 @@ impl Host {
     pub(super) fn finish(&mut self, now: Ticks, request: Request, data: Vec<u8>) {
         self.pipe(Pipe::Control).ready = now + TURNAROUND;
         match request {
-            Request::DeviceHead | Request::DeviceFirst => match data.get(7) {
-                Some(&size @ (8 | 16 | 32 | 64)) => {
-                    self.enumeration.control_packet = size;
-                    if request == Request::DeviceFirst {
-                        // The host resets the device again before it addresses it.
-                        self.session = Session::default();
-                        self.phase = Phase::SecondReset;
-                        self.due = now + RESET;
-                    } else {
-                        self.session.requests.push_back(Request::SetAddress);
-                    }
+            Request::DeviceHead | Request::DeviceFirst => {
+                let Some(&size @ (8 | 16 | 32 | 64)) = data.get(7) else {
+                    return self.fail(now, HostError::Descriptor("bMaxPacketSize0"));
+                };
+                self.enumeration.control_packet = size;
+                if request == Request::DeviceHead {
+                    self.session.requests.push_back(Request::SetAddress);
+                } else {
+                    // The host resets the device again before it addresses it.
+                    self.session = Session::default();
+                    self.phase = Phase::SecondReset;
+                    self.due = now + RESET;
                 }
-                _ => self.fail(now, HostError::Descriptor("bMaxPacketSize0")),
-            },
+            }
             Request::SetAddress => {
                 self.session.address = ADDRESS;
                 self.pipe(Pipe::Control).ready = now + ADDRESS_RECOVERY;
@@ -145,14 +131,10 @@ impl Host {
                     Err(error) => self.fail(now, error),
                 }
             }
-            Request::Text(text) => {
-                let units: Vec<u16> = data
-                    .get(2..)
-                    .unwrap_or_default()
-                    .chunks_exact(2)
-                    .map(|unit| u16::from_le_bytes([unit[0], unit[1]]))
-                    .collect();
-                *self.text(text) = String::from_utf16_lossy(&units);
+            Request::Text(_) => {
+                let units = data.get(2..).unwrap_or_default().chunks_exact(2);
+                let units: Vec<_> = units.map(|u| u16::from_le_bytes([u[0], u[1]])).collect();
+                self.enumeration.strings.push(String::from_utf16_lossy(&units));
             }
             Request::SetConfiguration => {
                 self.session.configured = true;
@@ -168,13 +150,8 @@ impl Host {
                 let is_in = endpoint & 0x80 != 0;
                 *self.pipe(if is_in { Pipe::BulkIn } else { Pipe::BulkOut }) = state;
             }
-            Request::Bos
-            | Request::Qualifier
-            | Request::MicrosoftString
-            | Request::Languages
-            | Request::ReadLineCoding
-            | Request::LineCoding { .. }
-            | Request::ControlLines { .. } => {}
+            // Of the others the host needs no answer but that they are taken.
+            _ => {}
         }
     }
 
@@ -210,14 +187,6 @@ impl Host {
                 coding,
             ]),
             System::Windows => self.ask_lines(&[Request::ReadLineCoding, coding, lines]),
-        }
-    }
-
-    fn text(&mut self, text: Text) -> &mut String {
-        match text {
-            Text::Manufacturer => &mut self.enumeration.strings.manufacturer,
-            Text::Product => &mut self.enumeration.strings.product,
-            Text::SerialNumber => &mut self.enumeration.strings.serial_number,
         }
     }
 

@@ -31,7 +31,6 @@ mod system;
 mod tests;
 mod transaction;
 
-pub use enumeration::Strings;
 pub use system::System;
 
 use crate::board::Ticks;
@@ -90,9 +89,10 @@ pub struct Statistics {
     pub enumerations: u64,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Phase {
     /// No cable, or no device, or given up.
+    #[default]
     Idle,
     /// The cable has just been put in.
     Plugged,
@@ -109,7 +109,7 @@ enum Phase {
 }
 
 /// The host.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Host {
     system: System,
     cable: bool,
@@ -150,7 +150,8 @@ struct Session {
 struct Enumeration {
     /// Packet size of endpoint 0.
     control_packet: u8,
-    strings: Strings,
+    /// Manufacturer, product and serial number, as far as the device has them.
+    strings: Vec<String>,
     device_descriptor: Vec<u8>,
     configuration: Vec<u8>,
 }
@@ -161,21 +162,12 @@ impl Host {
         Self {
             system,
             cable: true,
-            phase: Phase::Idle,
             due: Ticks::NEVER,
             next_frame: Ticks::NEVER,
-            quiet_until: Ticks::ZERO,
-            frame: 0,
-            attempts: 0,
-            session: Session::default(),
-            enumeration: Enumeration::default(),
             baud: 115_200,
             dtr: system.raises_dtr(),
             reading: true,
-            received: Vec::new(),
-            to_send: VecDeque::new(),
-            errors: Vec::new(),
-            statistics: Statistics::default(),
+            ..Self::default()
         }
     }
 
@@ -277,16 +269,6 @@ impl Host {
     /// Whether the cable is in.
     pub fn is_attached(&self) -> bool {
         self.cable
-    }
-
-    /// Manufacturer, product and serial number.
-    pub fn strings(&self) -> &Strings {
-        &self.enumeration.strings
-    }
-
-    /// The device descriptor as received.
-    pub fn device_descriptor(&self) -> &[u8] {
-        &self.enumeration.device_descriptor
     }
 
     /// What went wrong, oldest first.

@@ -266,14 +266,12 @@ fn the_port_is_enumerated_and_opened() {
         let host = device.host();
         assert_eq!(host.errors(), []);
         assert!(host.is_configured());
-        assert_eq!(host.device_descriptor(), DEVICE);
+        assert_eq!(host.enumeration.device_descriptor, DEVICE);
         assert_eq!(host.enumeration.configuration, CONFIGURATION);
-        assert_eq!(host.strings().manufacturer, "Maker");
-        assert_eq!(host.strings().product, "Thing");
-        assert_eq!(host.strings().serial_number, "0001");
+        assert_eq!(host.enumeration.strings, ["Maker", "Thing", "0001"]);
         assert_eq!(device.line_coding, [0x00, 0xC2, 0x01, 0, 0, 0, 8]);
         assert_eq!(device.lines, Some(3));
-        assert_eq!(device.bench.peripherals.violations().first(), []);
+        assert_eq!(device.bench.peripherals.violations.first(), []);
         // SOF has locked the DFLL, FNUM counts.
         assert_ne!(device.bench.r32(0x4000_080C) & 1 << 6, 0);
         let frame = device.bench.r16(USB + 0x10) >> 3;
@@ -437,7 +435,7 @@ fn a_stall_refuses_a_request_and_the_next_one_goes_on() {
     assert!(device.host().is_configured());
     let refused = HostError::Refused("GET_DESCRIPTOR string");
     assert_eq!(device.host().errors(), [refused; 4]);
-    assert_eq!(device.host().strings(), &Strings::default());
+    assert!(device.host().enumeration.strings.is_empty());
 }
 
 #[test]

@@ -180,9 +180,9 @@ pub fn step(chip: &mut Chip) -> u64 {
 /// What has been logged.
 pub fn logged(chip: &Chip) -> &[u8] {
     let end = chip.registers().r[7];
-    chip.memory().bytes(LOG, (end - LOG) as usize).expect("R7 points into SRAM")
+    chip.memory.bytes(LOG, (end - LOG) as usize).expect("R7 points into SRAM")
 }
 
 pub fn word(chip: &Chip, address: u32) -> u32 {
-    chip.memory().read_u32(address).expect("in memory")
+    chip.memory.read_u32(address).expect("in memory")
 }

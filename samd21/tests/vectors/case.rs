@@ -44,7 +44,7 @@ impl Case {
                 chip.load_flash(address, &bytes);
             } else {
                 let at = (address - RAM_BASE) as usize;
-                chip.ram_mut()[at..at + 2].copy_from_slice(&bytes);
+                chip.memory.ram_mut()[at..at + 2].copy_from_slice(&bytes);
             }
         }
         let s = &self.start;
@@ -82,7 +82,7 @@ impl Case {
 /// The chip that the programs of `seed` start on.
 pub fn chip(seed: u64) -> Chip {
     let mut chip = Chip::new(Options { seed, ..Options::default() });
-    let noise = *chip.ram();
+    let noise = *chip.memory.ram();
     chip.load_flash(FLASH_DATA, &noise);
     chip
 }

@@ -24,7 +24,7 @@ fn the_core_agrees_with_an_independent_one() {
         let memory = u64::from_le_bytes(take(&mut rest).expect("its memory"));
         let outcome = case.run(&mut chip);
         assert_eq!(outcome, expected, "program {number}: registers");
-        assert_eq!(fnv1a(chip.ram()), memory, "program {number}: memory");
+        assert_eq!(fnv1a(chip.memory.ram()), memory, "program {number}: memory");
     }
     assert!(rest.is_empty());
 }

@@ -38,7 +38,7 @@ impl Flying<'_> {
             let live = Live::begin(what);
             let ready = prepare(image, setup, &mut |progress| live.flight(progress))?;
             let awake =
-                ready.rig.now().saturating_sub(Ticks(ready.rig.chip().counters().sleep_ticks));
+                ready.rig.now().saturating_sub(Ticks(ready.rig.chip.counters().sleep_ticks));
             emulation.add(ready.rig.now().as_secs_f64(), awake.as_secs_f64());
             live.end();
             Ok(ready)

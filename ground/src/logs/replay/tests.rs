@@ -57,7 +57,7 @@ impl Bench {
     /// Released from a tilt, some samples bad for a second and a half, then the cable out until the
     /// flight gives up.
     fn fly(&mut self) {
-        self.rig.environment_mut().tilt_clamp_to([0.3, 0.0]);
+        self.rig.environment.tilt_clamp_to([0.3, 0.0]);
         self.run(6_000);
         self.order(request::ARM);
         self.order(request::RELEASE);

@@ -24,7 +24,7 @@ fn branches(image: &Image) -> Branches {
     let mut station = GroundStation::default();
     let mut seen = Branches::new();
     let mut note = |rig: &Rig| {
-        for (from, to) in rig.chip().trail() {
+        for (from, to) in rig.chip.trail() {
             seen.entry(from).or_default().insert(to);
         }
     };

@@ -209,7 +209,7 @@ fn a_pulse_turns_the_servo_and_pitches_the_drone() {
     assert!(environment.vehicle().rudders_rad()[0] > 0.15);
     // Positive rudder, nose down.
     assert!(environment.vehicle().pitch_rad() < -0.1);
-    assert_eq!(environment.truth.pulses.len(), 25);
+    assert_eq!(environment.truth.pulses[0].len(), 25);
 }
 
 #[test]

@@ -148,10 +148,10 @@ keys! {
     "jumper" = "yes|no", Choice(&[("yes", |h| h.jumper = true), ("no", |h| h.jumper = false)]);
         "a jumper leads the servo's signal from D3 to D2, where `tvc bringup` times it";
         "tvc bringup asks for one";
-    "flash-time" = "RATIO", Number(0.1, 3.0, |h| &mut h.flash_time);
+    "flash-time" = "RATIO", Number(0.1, 3.0, |h| &mut h.chip.flash_time);
         "how long erasing and writing flash take, relative to the data sheet's longest (0.1 to 3)";
         "SAM D21 data sheet, NVM characteristics: 6 ms a row, 2.5 ms a page at most";
-    "crc-cycles" = "CYCLES", Number(1.0, 1000.0, |h| &mut h.crc_cycles);
+    "crc-cycles" = "CYCLES", Number(1.0, 1000.0, |h| &mut h.chip.crc_word_cycles);
         "how many cycles of the core the DSU's engine takes for a word of flash (1 to 1000)";
         "estimate: the data sheet gives no time; tvc bringup measures it";
     "watchdog" = "ok|dead",

@@ -167,8 +167,8 @@ fn the_parts_get_what_is_set() {
     let hardware: Hardware =
         "jumper=no,flash-time=1.5,crc-cycles=9,watchdog=dead,usb-loss=0.25".parse().unwrap();
     let options = hardware.chip(1);
-    assert_eq!((options.flash_time_percent, options.watchdog_bites), (150, false));
-    assert_eq!(options.crc_word_cycles, 9);
+    assert_eq!((options.flash_time, options.watchdog_bites), (1.5, false));
+    assert_eq!(options.crc_word_cycles, 9.0);
     assert_eq!((hardware.jumper, hardware.usb_loss), (false, 0.25));
     assert!("watchdog=slow".parse::<Hardware>().is_err());
 }

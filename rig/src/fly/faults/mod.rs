@@ -79,9 +79,9 @@ pub use system::SystemKind;
 
 use crate::bno055::{Fault, FaultKind};
 use crate::fly::flight::{FlightError, Ready};
-use crate::observe::ground_truth::{GroundTruth, Pulse};
+use crate::observe::ground_truth::Pulse;
 use crate::random::{Stream, generator};
-use judge::{Blame, Rudder, SensorRun, SystemRun, judge_sensor, judge_system};
+use judge::{Blame, Record, Rudder, SystemRun, judge_sensor, judge_system};
 use phase::Undisturbed;
 use rand::Rng;
 use samd21::board::Ticks;
@@ -253,7 +253,7 @@ impl Campaign {
             at: rig.now(),
             lasted,
         };
-        rig.environment_mut().truth.clear();
+        rig.environment.truth.clear();
         match case.kind {
             Kind::Sensor(kind) => {
                 let mut fault = kind.draw(&mut dice);
@@ -290,28 +290,14 @@ impl Campaign {
         station.run(rig, begun.lasted)?;
         rig.clear(fault);
         station.run(rig, WATCHED)?;
-        let mut verdict = self.judge_sensor(begun, &fork);
+        let mut verdict = judge_sensor(&self.record(begun, &fork, 0.0));
         if matches!(verdict.ending, Ending::Unsafe(Unsafe::OffCourse(_))) {
             // It may be on its way back.
             let Ready { rig, station, .. } = &mut fork;
             station.run(rig, WATCHED)?;
-            verdict = self.judge_sensor(begun, &fork);
+            verdict = judge_sensor(&self.record(begun, &fork, 0.0));
         }
         Ok(self.outcome(case, begun, format!("{fault:?}"), verdict, &fork))
-    }
-
-    fn judge_sensor(&self, begun: &Begun, fork: &Ready) -> Verdict {
-        let Ready { rig, station, .. } = fork;
-        let truth = rig.truth();
-        judge_sensor(&SensorRun {
-            injected: begun.at,
-            frame: self.frame,
-            rudders: self.rudders(begun, truth, rig.clock_error()),
-            truth,
-            reference: &self.undisturbed.motion,
-            heartbeats: &station.received().heartbeats,
-            reset: rig.resets().len() > begun.resets,
-        })
     }
 
     fn run_system(
@@ -352,22 +338,12 @@ impl Campaign {
         let last = rig.resets().last().map_or(Ticks::ZERO, |(at, _)| *at);
         station.run(rig, (last + RESTART).saturating_sub(rig.now()))?;
 
-        let truth = rig.truth();
-        let clock_error = (fault.shifted_ppm * 1e-6).abs() + rig.clock_error();
+        let pulses = |(axis, _): &(Axis, _)| self.undisturbed.pulses[axis.index()].as_slice();
+        let Ready { rig, station, .. } = &*fork;
         let mut verdict = judge_system(&SystemRun {
-            injected: begun.at,
-            frame: self.frame,
+            record: self.record(begun, fork, fault.shifted_ppm),
             phase: self.phase,
-            rudders: self.rudders(begun, truth, clock_error),
-            reference_pulses: self
-                .neutral_us
-                .iter()
-                .map(|(axis, _)| self.undisturbed.pulses[axis.index()].as_slice())
-                .collect(),
-            truth,
-            reference: &self.undisturbed.motion,
-            heartbeats: &station.received().heartbeats,
-            resets: &rig.resets()[begun.resets..],
+            reference_pulses: self.neutral_us.iter().map(pulses).collect(),
             given_up: rig.in_bootloader(),
             commanded: kind.commands(),
             stored_others: !self.undisturbed.has_stored(rig, kind.spoils_store()),
@@ -377,18 +353,17 @@ impl Campaign {
             },
         });
         let mut texts = station.received().texts.iter().skip(told);
-        let told = texts.any(|text| !self.undisturbed.texts.contains(&text.text));
+        let told = texts.any(|text| !self.undisturbed.texts.contains(text));
         verdict.noticed |= told;
         verdict.harmless &= !told;
         Ok(self.outcome(case, begun, fault.what, verdict, fork))
     }
 
-    fn rudders<'a>(
-        &'a self,
-        begun: &Begun,
-        truth: &'a GroundTruth,
-        clock_error: f64,
-    ) -> Vec<Rudder<'a>> {
+    /// What was recorded since the fault, which shifted the main clock by so much.
+    fn record<'a>(&'a self, begun: &Begun, fork: &'a Ready, shifted_ppm: f64) -> Record<'a> {
+        let Ready { rig, station, .. } = fork;
+        let truth = rig.truth();
+        let clock_error = (shifted_ppm * 1e-6).abs() + rig.clock_error();
         let rudder = |(axis, neutral_us): &(Axis, RangeInclusive<f64>)| Rudder {
             axis: *axis,
             neutral_us: neutral_us.clone(),
@@ -397,7 +372,15 @@ impl Campaign {
             high: truth.high[axis.index()],
             clock_error,
         };
-        self.neutral_us.iter().map(rudder).collect()
+        Record {
+            injected: begun.at,
+            frame: self.frame,
+            rudders: self.neutral_us.iter().map(rudder).collect(),
+            truth,
+            reference: &self.undisturbed.motion,
+            heartbeats: &station.received().heartbeats,
+            resets: &rig.resets()[begun.resets..],
+        }
     }
 
     fn outcome(

@@ -7,9 +7,10 @@ use thiserror::Error;
 use super::{Alarms, Case, DEADLINE};
 
 /// How a run ended.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub enum Ending {
     /// The vehicle goes on with what it did; in control, as a rule, and on course.
+    #[default]
     Recovered,
     /// It does not (it is in failsafe, as a rule), with the rudder at neutral.
     Neutral,
@@ -80,7 +81,7 @@ fn ended(state: &Option<StateKind>) -> String {
 }
 
 /// What became of a run.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Verdict {
     /// How it ended.
     pub ending: Ending,
@@ -103,16 +104,7 @@ pub struct Verdict {
 impl Verdict {
     /// With nothing but its ending.
     pub(super) fn new(ending: Ending) -> Self {
-        Self {
-            ending,
-            unguarded: Ticks::ZERO,
-            wrong: Ticks::ZERO,
-            silent: Ticks::ZERO,
-            strays: 0,
-            for_ever: false,
-            noticed: false,
-            harmless: false,
-        }
+        Self { ending, ..Self::default() }
     }
 }
 

@@ -113,7 +113,7 @@ impl Phase {
                 rig.inject(Fault::Unplugged);
                 station.wait_for_state(rig, AT_REST.end, StateKind::Failsafe)?;
                 rig.clear(Fault::Unplugged);
-                rig.environment_mut().catch();
+                rig.environment.catch();
                 ready.rest_at(tilt_rad)?;
                 Ok(AT_REST)
             }
@@ -125,8 +125,8 @@ impl Ready {
     /// Lets the clamp bring the drone to a tilt, and lets it rest there.
     fn rest_at(&mut self, tilt_rad: [f64; Axis::COUNT]) -> Result<(), FlightError> {
         let Self { rig, station, .. } = self;
-        rig.environment_mut().tilt_clamp_to(tilt_rad);
-        while !rig.environment().clamp_rests() {
+        rig.environment.tilt_clamp_to(tilt_rad);
+        while !rig.environment.clamp_rests() {
             station.run(rig, Ticks::from_ms(20))?;
         }
         Ok(station.run(rig, REST)?)
@@ -165,7 +165,7 @@ impl Undisturbed {
         watched: Ticks,
     ) -> Result<Self, FlightError> {
         let mut base = ready.clone();
-        base.rig.environment_mut().truth.clear();
+        base.rig.environment.truth.clear();
         let (before, _) = stored(&base.rig);
         let instants = phase.enter(&mut base, tilt_rad)?;
         let begin = base.rig.now();
@@ -191,8 +191,8 @@ impl Undisturbed {
             instants,
             snapshots,
             motion: rig.truth().motion_since(begin).to_vec(),
-            pulses: Axis::ALL.map(|axis| rig.truth().pulses_of(axis).to_vec()),
-            texts: texts.map(|text| text.text.clone()).collect(),
+            pulses: rig.truth().pulses.clone(),
+            texts: texts.cloned().collect(),
             stored: vec![before, stored(rig).0],
             timer_bits,
         })
@@ -231,7 +231,7 @@ pub(super) fn is_same(one: &Params, other: &Params) -> bool {
 
 /// What the next start would find in flash.
 pub(super) fn stored(rig: &Rig) -> (Params, Loaded) {
-    let flash = &rig.chip().flash()[store::STORE_ADDRESS as usize..];
+    let flash = &rig.chip.memory.flash()[store::STORE_ADDRESS as usize..];
     let bytes = flash.first_chunk().expect("the store ends with the flash");
     store::load_bytes(bytes)
 }

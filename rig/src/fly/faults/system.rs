@@ -173,7 +173,7 @@ impl SystemFault {
             }
             SystemKind::RamStack => {
                 let top = rig.image().stack_top();
-                let used = rig.chip().registers().msp.clamp(RAM, top - 4)..top;
+                let used = rig.chip.registers().msp.clamp(RAM, top - 4)..top;
                 flip_ram(rig, dice.random_range(used), dice.random_range(0..8))
             }
             SystemKind::RamBurst => {
@@ -210,23 +210,23 @@ impl SystemFault {
             SystemKind::EngineRegister => flip_register(rig, ENGINE, dice),
             SystemKind::InterruptStorm => {
                 let line = dice.random_range(0..LINES);
-                rig.chip_mut().stick_interrupt(line, Some(true));
+                rig.chip.stick_interrupt(line, Some(true));
                 self.stuck.push(line);
                 format!("line {line} high")
             }
             SystemKind::InterruptLost => {
                 let line = *USED_LINES.choose(dice).unwrap_or(&0);
-                rig.chip_mut().stick_interrupt(line, Some(false));
+                rig.chip.stick_interrupt(line, Some(false));
                 self.stuck.push(line);
                 format!("line {line} low")
             }
             SystemKind::ClockStop => {
-                rig.chip_mut().stop_dfll(true);
+                rig.chip.stop_dfll(true);
                 "the DFLL stands still".into()
             }
             SystemKind::ClockJump => {
                 let ppm = dice.random_range(-100_000.0..100_000.0_f64).round();
-                rig.chip_mut().shift_dfll(ppm);
+                rig.chip.shift_dfll(ppm);
                 self.shifted_ppm += ppm;
                 format!("the DFLL is {ppm} ppm off")
             }
@@ -241,9 +241,9 @@ impl SystemFault {
             }
             SystemKind::HangMasked => {
                 let what = end(rig, ProgramEnd::Hang);
-                let mut registers = rig.chip().registers();
+                let mut registers = rig.chip.registers();
                 registers.primask = true;
-                rig.chip_mut().set_registers(&registers);
+                rig.chip.set_registers(&registers);
                 what + ", interrupts held off"
             }
             SystemKind::HardFault => end(rig, ProgramEnd::HardFault),
@@ -305,19 +305,19 @@ impl SystemFault {
     pub(super) fn act(&self, millisecond: u64, rig: &mut Rig, dice: &mut impl Rng) {
         for kind in &self.kinds {
             match kind {
-                SystemKind::UsbFlood if rig.usb_host().unsent() < 4096 => {
+                SystemKind::UsbFlood if rig.chip.usb_host.unsent() < 4096 => {
                     let noise: [u8; 512] = std::array::from_fn(|_| dice.random());
                     rig.usb_write(&noise);
                 }
-                SystemKind::UsbStall => rig.usb_host_mut().pause_reading(true),
+                SystemKind::UsbStall => rig.chip.usb_host.pause_reading(true),
                 SystemKind::UsbReplug => match millisecond % 40 {
-                    0 => rig.usb_host_mut().detach(),
-                    4 => rig.usb_host_mut().attach(),
+                    0 => rig.chip.usb_host.detach(),
+                    4 => rig.chip.usb_host.attach(),
                     _ => {}
                 },
                 SystemKind::UsbSuspend => match millisecond % 20 {
-                    0 => rig.usb_host_mut().suspend(),
-                    10 => rig.usb_host_mut().resume(),
+                    0 => rig.chip.usb_host.suspend(),
+                    10 => rig.chip.usb_host.resume(),
                     _ => {}
                 },
                 SystemKind::UsbFrames => rig.usb_write(&valid_frame(dice)),
@@ -329,17 +329,17 @@ impl SystemFault {
     /// Ends what lasts: lines, clocks, the host.
     pub(super) fn end(&self, rig: &mut Rig) {
         for line in &self.stuck {
-            rig.chip_mut().stick_interrupt(*line, None);
+            rig.chip.stick_interrupt(*line, None);
         }
         if self.kinds.contains(&SystemKind::ClockStop) {
-            rig.chip_mut().stop_dfll(false);
+            rig.chip.stop_dfll(false);
         }
         if self.shifted_ppm != 0.0 {
-            rig.chip_mut().shift_dfll(-self.shifted_ppm);
+            rig.chip.shift_dfll(-self.shifted_ppm);
         }
         let is_of_host = |kind| SystemKind::UsbFlood <= kind && kind <= SystemKind::UsbFrames;
         if self.kinds.iter().copied().any(is_of_host) {
-            let host = rig.usb_host_mut();
+            let host = &mut rig.chip.usb_host;
             host.pause_reading(false);
             host.resume();
             host.attach();
@@ -353,7 +353,7 @@ fn run_into_loop(rig: &mut Rig) -> Result<(), FlightError> {
     /// Far longer than the loop stays out of either.
     const TRIES: usize = 10_000;
     for _ in 0..TRIES {
-        let registers = rig.chip().registers();
+        let registers = rig.chip.registers();
         if !registers.primask && registers.xpsr & 0x1FF == 0 {
             break;
         }
@@ -368,15 +368,15 @@ fn end(rig: &mut Rig, end: ProgramEnd) -> String {
 }
 
 fn flip_ram(rig: &mut Rig, address: u32, bit: u8) -> String {
-    if let Some(byte) = rig.chip_mut().ram_mut().get_mut((address - RAM) as usize) {
+    if let Some(byte) = rig.chip.memory.ram_mut().get_mut((address - RAM) as usize) {
         *byte ^= 1 << bit;
     }
     format!("bit {bit} of {address:#x}{}", named(rig, address))
 }
 
 fn flip_flash(rig: &mut Rig, address: u32, bit: u8) -> String {
-    let flipped = rig.chip().flash()[address as usize] ^ 1 << bit;
-    rig.chip_mut().load_flash(address, &[flipped]);
+    let flipped = rig.chip.memory.flash()[address as usize] ^ 1 << bit;
+    rig.chip.load_flash(address, &[flipped]);
     format!("bit {bit} of {address:#x}{}", named(rig, address))
 }
 
@@ -389,11 +389,11 @@ fn named(rig: &Rig, address: u32) -> String {
 /// A bit of R0 to R12, SP, LR, PC or the flags, while the program runs.
 fn flip_core(rig: &mut Rig, dice: &mut impl Rng) -> Result<String, FlightError> {
     let limit = rig.now() + AWAKE_WITHIN;
-    while rig.chip().is_asleep() && rig.now() < limit {
+    while rig.chip.is_asleep() && rig.now() < limit {
         rig.run_for(Ticks::from_us(20))?;
     }
     rig.run_for(Ticks(dice.random_range(0..2_000)))?;
-    let mut registers = rig.chip().registers();
+    let mut registers = rig.chip.registers();
     let (which, bit) = (dice.random_range(0..17), dice.random_range(0..32));
     let mask = 1_u32 << bit;
     match which {
@@ -401,7 +401,7 @@ fn flip_core(rig: &mut Rig, dice: &mut impl Rng) -> Result<String, FlightError> 
         16 => registers.xpsr ^= 1 << (28 + bit % 4),
         _ => registers.r[which] ^= mask,
     }
-    rig.chip_mut().set_registers(&registers);
+    rig.chip.set_registers(&registers);
     Ok(match which {
         16 => format!("flag {}", 28 + bit % 4),
         _ => format!("bit {bit} of r{which}"),
@@ -473,7 +473,7 @@ pub(super) fn timer_bits(rig: &Rig) -> Vec<(u32, u8)> {
 fn run_into_handler(rig: &mut Rig, line: u8) -> Result<(), FlightError> {
     let limit = rig.now() + AWAKE_WITHIN;
     let exception = 16 + u32::from(line);
-    while rig.chip().registers().xpsr & 0x3F != exception && rig.now() < limit {
+    while rig.chip.registers().xpsr & 0x3F != exception && rig.now() < limit {
         rig.run_for(Ticks::from_us(1))?;
     }
     Ok(())

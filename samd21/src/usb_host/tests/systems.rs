@@ -22,13 +22,13 @@ fn every_system_configures_a_device_that_refuses_what_it_need_not_have() {
         device.run(Ticks::from_ms(300));
         assert!(device.host().is_configured(), "{system:?}");
         assert_eq!(device.host().errors(), [], "{system:?}");
-        assert_eq!(device.host().strings().serial_number, "0001");
+        assert_eq!(device.host().enumeration.strings[2], "0001");
         let resets = if system.resets_twice() { 2 } else { 1 };
         assert_eq!(device.resets, resets, "{system:?}");
         device.host().write(b"echo");
         device.run(Ticks::from_ms(5));
         assert_eq!(device.host().read(), b"echo");
-        assert_eq!(device.bench.peripherals.violations().first(), []);
+        assert_eq!(device.bench.peripherals.violations.first(), []);
     }
 }
 

@@ -10,16 +10,18 @@ mod system;
 #[cfg(test)]
 pub(super) mod tests;
 
-pub(crate) use sensor::{SensorRun, judge_sensor};
+pub(crate) use sensor::judge_sensor;
 pub(crate) use system::{Blame, SystemRun, judge_system};
 
 use std::ops::RangeInclusive;
 
 use samd21::board::Ticks;
+use samd21::peripherals::ResetCause;
 use tvc_nano::{Axis, Params, servo};
 
 use super::Unsafe;
-use crate::observe::ground_truth::{Asked, High, Pulse};
+use crate::ground_station::Heartbeat;
+use crate::observe::ground_truth::{Asked, GroundTruth, High, Motion, Pulse};
 
 /// Widths that count as the neutral pulse of an axis of a vehicle with these parameters, us: the
 /// firmware commands whole microseconds.
@@ -34,6 +36,22 @@ const TRAVEL_US: RangeInclusive<f64> = 853.0..=2193.5;
 /// Without pulses for longer, a servo goes where the last one says and stays there: five frames of
 /// 20 ms. A timer that is set up anew takes less.
 const SILENCE: Ticks = Ticks::from_ms(100);
+
+/// What was recorded of a run.
+pub(crate) struct Record<'a> {
+    /// When the fault began.
+    pub(crate) injected: Ticks,
+    pub(crate) frame: Ticks,
+    /// Of every axis that is steered.
+    pub(crate) rudders: Vec<Rudder<'a>>,
+    /// From the fault on.
+    pub(crate) truth: &'a GroundTruth,
+    /// The flight without the fault.
+    pub(crate) reference: &'a [Motion],
+    pub(crate) heartbeats: &'a [Heartbeat],
+    /// Resets of the chip since the fault.
+    pub(crate) resets: &'a [(Ticks, ResetCause)],
+}
 
 /// What was seen of a rudder's servo.
 pub(crate) struct Rudder<'a> {

@@ -3,37 +3,20 @@
 use client::StateKind;
 use samd21::board::Ticks;
 
-use super::{Rudder, TRAVEL_US};
+use super::{Record, Rudder, TRAVEL_US};
 use crate::fly::faults::{DEADLINE, Ending, Unsafe, Verdict};
-use crate::ground_station::Heartbeat;
-use crate::observe::ground_truth::{GroundTruth, Motion};
 
 /// A drone farther than this from its undisturbed flight has not recovered, rad.
 const OFF_COURSE_RAD: f64 = 0.1;
 /// The last part of a run, in which that is judged.
 const END: Ticks = Ticks::from_ms(100);
 
-/// What was seen of a run.
-pub(crate) struct SensorRun<'a> {
-    pub(crate) injected: Ticks,
-    pub(crate) frame: Ticks,
-    /// Of every axis that is steered.
-    pub(crate) rudders: Vec<Rudder<'a>>,
-    /// From the fault on.
-    pub(crate) truth: &'a GroundTruth,
-    /// The flight without the fault.
-    pub(crate) reference: &'a [Motion],
-    pub(crate) heartbeats: &'a [Heartbeat],
-    /// The chip was reset in the run.
-    pub(crate) reset: bool,
-}
-
 /// The verdict on a run with a fault of the sensor or its cable.
-pub(crate) fn judge_sensor(run: &SensorRun<'_>) -> Verdict {
+pub(crate) fn judge_sensor(run: &Record<'_>) -> Verdict {
     let unguarded = run.rudders.iter().map(|rudder| run.longest_unguarded(rudder));
     let unguarded = unguarded.max().unwrap_or_default();
     let state = run.heartbeats.last().and_then(|beat| beat.state);
-    let reset = run.reset.then_some(Unsafe::Reset);
+    let reset = (!run.resets.is_empty()).then_some(Unsafe::Reset);
     let wrong = reset
         .or_else(|| run.rudders.iter().find_map(|rudder| run.wrong_pulses(rudder)))
         .or_else(|| (unguarded > DEADLINE).then_some(Unsafe::Unguarded));
@@ -49,7 +32,7 @@ pub(crate) fn judge_sensor(run: &SensorRun<'_>) -> Verdict {
     Verdict { unguarded, noticed: ending == Ending::Neutral, ..Verdict::new(ending) }
 }
 
-impl SensorRun<'_> {
+impl Record<'_> {
     /// The longest time off neutral without valid data: from the fault or the last step on a valid
     /// burst to the next such step or neutral pulse.
     fn longest_unguarded(&self, rudder: &Rudder<'_>) -> Ticks {
@@ -133,7 +116,8 @@ mod tests {
     use super::super::tests::{ACTIVE, FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
     use super::*;
     use crate::bno055::Refresh;
-    use crate::observe::ground_truth::{Burst, Step};
+    use crate::ground_station::Heartbeat;
+    use crate::observe::ground_truth::{Burst, GroundTruth, Step};
     use tvc_nano::{Axis, Params};
 
     /// A second of flight after a fault at 0: a step every 10 ms on a burst that is valid or not, a
@@ -152,7 +136,7 @@ mod tests {
             });
             truth.steps.push(Step { start: ms(time) + Ticks::from_us(10), end: ms(time + 1) });
             if time % 20 == 10 {
-                truth.pulses.push(pulse(ms(time + 2), width_us(time)));
+                truth.pulses[0].push(pulse(ms(time + 2), width_us(time)));
             }
         }
         truth.motion = motion(0.0);
@@ -160,21 +144,21 @@ mod tests {
     }
 
     fn judged(truth: &GroundTruth, heartbeats: &[Heartbeat]) -> (Ending, u64) {
-        let verdict = judge_sensor(&SensorRun {
+        let verdict = judge_sensor(&Record {
             injected: Ticks::ZERO,
             frame: FRAME,
             rudders: vec![Rudder {
                 axis: Axis::Pitch,
                 neutral_us: neutral_us(&Params::default(), Axis::Pitch),
                 before: Some(pulse(Ticks::ZERO, ACTIVE)),
-                pulses: &truth.pulses,
+                pulses: &truth.pulses[0],
                 high: truth.high[0],
                 clock_error: 0.0,
             }],
             truth,
             reference: &motion(0.0),
             heartbeats,
-            reset: false,
+            resets: &[],
         });
         (verdict.ending, verdict.unguarded.as_us() / 1000)
     }
@@ -211,15 +195,15 @@ mod tests {
     fn pulses_must_go_on_stay_in_the_travel_and_be_neutral_in_failsafe() {
         let active = [beat(0, StateKind::Active)];
         let mut gap = truth(|_| true, |_| ACTIVE);
-        gap.pulses.remove(20);
+        gap.pulses[0].remove(20);
         assert_eq!(judged(&gap, &active).0, Ending::Unsafe(Unsafe::NoPulse(ms(40))));
         let mut ends = truth(|_| true, |_| ACTIVE);
-        ends.pulses.truncate(40);
+        ends.pulses[0].truncate(40);
         assert!(matches!(judged(&ends, &active).0, Ending::Unsafe(Unsafe::NoPulse(_))));
         let wild = truth(|_| true, |t| if t == 510 { 300.0 } else { ACTIVE });
         assert!(matches!(judged(&wild, &active).0, Ending::Unsafe(Unsafe::WildPulse(_))));
         let mut cut_one = truth(|_| true, |_| ACTIVE);
-        cut_one.pulses[20] = cut(cut_one.pulses[20], 900.0);
+        cut_one.pulses[0][20] = cut(cut_one.pulses[0][20], 900.0);
         assert_eq!(judged(&cut_one, &active).0, Ending::Unsafe(Unsafe::CutPulse(900.0)));
         let kick = truth(|_| true, |t| if t < 100 || t == 510 { ACTIVE } else { NEUTRAL });
         assert!(matches!(

@@ -2,30 +2,18 @@
 
 use client::StateKind;
 use samd21::board::Ticks;
-use samd21::peripherals::ResetCause;
 use tvc_nano::Axis;
 
-use super::{Rudder, Stray, TRAVEL_US};
+use super::{Record, Rudder, Stray, TRAVEL_US};
 use crate::fly::faults::{Ending, Phase, SILENCE_LIMIT, Unsafe, Verdict, WRONG_LIMIT};
-use crate::ground_station::Heartbeat;
-use crate::observe::ground_truth::{GroundTruth, Motion, Pulse};
+use crate::observe::ground_truth::{Motion, Pulse};
 
 /// What was seen of a run with a fault beyond the sensor.
 pub(crate) struct SystemRun<'a> {
-    pub(crate) injected: Ticks,
+    pub(crate) record: Record<'a>,
     pub(crate) phase: Phase,
-    pub(crate) frame: Ticks,
-    /// Of every axis that is steered.
-    pub(crate) rudders: Vec<Rudder<'a>>,
-    /// The pulses of the flight without the fault, of the same axes.
+    /// The pulses of the flight without the fault, of the axes that are steered.
     pub(crate) reference_pulses: Vec<&'a [Pulse]>,
-    /// From the fault on.
-    pub(crate) truth: &'a GroundTruth,
-    /// The flight without the fault.
-    pub(crate) reference: &'a [Motion],
-    pub(crate) heartbeats: &'a [Heartbeat],
-    /// Resets of the chip since the fault.
-    pub(crate) resets: &'a [(Ticks, ResetCause)],
     /// The bootloader has the chip, and keeps it: it was asked to by an image that is not to be
     /// run.
     pub(crate) given_up: bool,
@@ -61,21 +49,22 @@ const LAST: usize = 3;
 
 /// The verdict on a run with a fault beyond the sensor.
 pub(crate) fn judge_system(run: &SystemRun<'_>) -> Verdict {
-    let rudders = || run.rudders.iter().zip(&run.reference_pulses);
+    let rudders = || run.record.rudders.iter().zip(&run.reference_pulses);
     let wrong = if run.commanded {
         Ticks::ZERO
     } else {
         let each = rudders().map(|(rudder, reference)| run.longest_wrong(rudder, reference));
         each.max().unwrap_or_default()
     };
-    let silences = run.rudders.iter().map(|rudder| run.longest_silence(rudder));
+    let silences = run.record.rudders.iter().map(|rudder| run.longest_silence(rudder));
     let silent = silences.max().unwrap_or_default();
-    let beats = run.heartbeats.iter().filter(|beat| beat.at >= run.injected);
+    let beats = run.record.heartbeats.iter().filter(|beat| beat.at >= run.record.injected);
     let state = beats.clone().next_back().and_then(|beat| beat.state);
-    let is_as_before = state.is_none_or(|state| run.phase.has(state)) && run.resets.is_empty();
+    let is_as_before =
+        state.is_none_or(|state| run.phase.has(state)) && run.record.resets.is_empty();
     let is_other = |state: &StateKind| !run.phase.has(*state);
     let mut others = beats.filter_map(|beat| beat.state).filter(is_other);
-    let noticed = !run.resets.is_empty() || others.clone().next().is_some();
+    let noticed = !run.record.resets.is_empty() || others.clone().next().is_some();
     let unordered = others
         .find(|state| matches!(state, StateKind::Armed | StateKind::Active))
         .filter(|_| !run.commanded);
@@ -102,7 +91,7 @@ pub(crate) fn judge_system(run: &SystemRun<'_>) -> Verdict {
         None if wrong > WRONG_LIMIT => Ending::Unsafe(Unsafe::Driven(wrong)),
         None if silent > SILENCE_LIMIT && !run.given_up => Ending::Unsafe(Unsafe::NoPulse(silent)),
         None if is_as_before => Ending::Recovered,
-        None if run.resets.is_empty() => Ending::Neutral,
+        None if run.record.resets.is_empty() => Ending::Neutral,
         None => Ending::Restarted,
     };
     Verdict {
@@ -126,27 +115,27 @@ fn nearest(pulses: &[Pulse], time: Ticks) -> Option<&Pulse> {
 
 impl SystemRun<'_> {
     fn longest_frame(&self) -> Ticks {
-        match self.resets {
-            [] => self.frame,
-            _ => self.frame.max(RESTARTED_FRAME),
+        match self.record.resets {
+            [] => self.record.frame,
+            _ => self.record.frame.max(RESTARTED_FRAME),
         }
     }
 
     fn strays(&self) -> Vec<Stray> {
-        let end = self.truth.motion.last();
-        let end = end.map_or(self.injected, |motion| motion.time);
-        let rudders = self.rudders.iter();
+        let end = self.record.truth.motion.last();
+        let end = end.map_or(self.record.injected, |motion| motion.time);
+        let rudders = self.record.rudders.iter();
         rudders.flat_map(|rudder| rudder.strays(self.longest_frame(), end)).collect()
     }
 
     /// What is wrong at the end of the run.
     fn wrong_end(&self, is_controlled: bool) -> Option<Unsafe> {
-        let end = self.truth.motion.last()?.time;
-        self.rudders.iter().find_map(|rudder| {
-            let last = rudder.pulses.last().map_or(self.injected, |pulse| pulse.rise);
+        let end = self.record.truth.motion.last()?.time;
+        self.record.rudders.iter().find_map(|rudder| {
+            let last = rudder.pulses.last().map_or(self.record.injected, |pulse| pulse.rise);
             let gap = end.saturating_sub(last);
             // Behind a reset the bootloader may be at work; what was before it counts then.
-            if gap > self.frame + self.frame && self.resets.is_empty() {
+            if gap > self.record.frame + self.record.frame && self.record.resets.is_empty() {
                 return Some(Unsafe::NoPulse(gap));
             }
             let mut ends = rudder.pulses.iter().rev().take(LAST);
@@ -163,12 +152,12 @@ impl SystemRun<'_> {
     /// Whether a rudder is driven wrongly at the end of the run, or has no pulses, though nobody
     /// has ordered that.
     fn is_for_ever(&self, rudder: &Rudder<'_>, reference: &[Pulse]) -> bool {
-        let Some(end) = self.truth.motion.last().map(|motion| motion.time) else {
+        let Some(end) = self.record.truth.motion.last().map(|motion| motion.time) else {
             return false;
         };
         let last = rudder.pulses.last().map(|pulse| pulse.rise);
         let high = rudder.high.map(|high| high.rise);
-        let gap = end.saturating_sub(last.max(high).unwrap_or(self.injected));
+        let gap = end.saturating_sub(last.max(high).unwrap_or(self.record.injected));
         let restoring = restoring(rudder, reference);
         let mut ends = rudder.pulses.iter().rev().take(LAST);
         let is_driven = ends.all(|pulse| self.is_wrong(rudder, pulse, reference, restoring));
@@ -189,7 +178,7 @@ impl SystemRun<'_> {
             }
             let begun = *since.get_or_insert(pulse.rise);
             // Without a next pulse it is not driven any more.
-            let driven = pulse.rise + self.frame + self.frame / 2;
+            let driven = pulse.rise + self.record.frame + self.record.frame / 2;
             let next = rudder.pulses.get(index + 1).map(|next| next.rise);
             longest = longest.max(next.map_or(driven, |next| next.min(driven)) - begun);
             if next.is_some_and(|next| next > driven) {
@@ -201,13 +190,14 @@ impl SystemRun<'_> {
 
     /// The longest time without a pulse behind one that was not neutral.
     fn longest_silence(&self, rudder: &Rudder<'_>) -> Ticks {
-        let end = self.truth.motion.last().map_or(self.injected, |motion| motion.time);
+        let end =
+            self.record.truth.motion.last().map_or(self.record.injected, |motion| motion.time);
         let all = rudder.before.iter().chain(rudder.pulses);
         let nexts = rudder.pulses.iter().map(|pulse| pulse.rise).chain([end]);
         all.zip(nexts)
             .filter(|(pulse, _)| !rudder.is_about_neutral(pulse))
             .map(|(pulse, next)| next.saturating_sub(pulse.rise))
-            .filter(|gap| *gap > self.frame + self.frame / 2)
+            .filter(|gap| *gap > self.record.frame + self.record.frame / 2)
             .max()
             .unwrap_or_default()
     }
@@ -243,7 +233,8 @@ impl SystemRun<'_> {
             let index = motions.partition_point(|motion| motion.time < time);
             motions.get(index).or(motions.last()).map(|motion| motion.tilt_rad[axis.index()])
         };
-        at(&self.truth.motion).unwrap_or(f64::NAN) - at(self.reference).unwrap_or(f64::NAN)
+        at(&self.record.truth.motion).unwrap_or(f64::NAN)
+            - at(self.record.reference).unwrap_or(f64::NAN)
     }
 }
 
@@ -259,7 +250,9 @@ mod tests {
     use super::super::neutral_us;
     use super::super::tests::{ACTIVE, FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
     use super::*;
-    use crate::observe::ground_truth::High;
+    use crate::ground_station::Heartbeat;
+    use crate::observe::ground_truth::{GroundTruth, High};
+    use samd21::peripherals::ResetCause;
     use tvc_nano::Params;
 
     /// A second behind a fault at 0, with what is to be judged in it.
@@ -286,7 +279,7 @@ mod tests {
             Self {
                 phase,
                 truth: GroundTruth {
-                    pulses: pulses.collect(),
+                    pulses: [pulses.collect(), Vec::new()],
                     motion: motion(0.0),
                     ..GroundTruth::default()
                 },
@@ -312,23 +305,26 @@ mod tests {
             };
             let times = (0..1000).step_by(20);
             let reference: Vec<Pulse> = times.map(|time| pulse(ms(time), width)).collect();
+            let rudder = Rudder {
+                axis: Axis::Pitch,
+                neutral_us: neutral_us(&Params::default(), Axis::Pitch),
+                before: Some(pulse(Ticks::ZERO, width)),
+                pulses: &self.truth.pulses[0],
+                high: self.truth.high[0],
+                clock_error: self.clock_error,
+            };
             judge_system(&SystemRun {
-                injected: Ticks::ZERO,
+                record: Record {
+                    injected: Ticks::ZERO,
+                    frame: FRAME,
+                    rudders: vec![rudder],
+                    truth: &self.truth,
+                    reference: &motion(0.0),
+                    heartbeats: &self.beats,
+                    resets: &self.resets,
+                },
                 phase: self.phase,
-                frame: FRAME,
-                rudders: vec![Rudder {
-                    axis: Axis::Pitch,
-                    neutral_us: neutral_us(&Params::default(), Axis::Pitch),
-                    before: Some(pulse(Ticks::ZERO, width)),
-                    pulses: &self.truth.pulses,
-                    high: self.truth.high[0],
-                    clock_error: self.clock_error,
-                }],
                 reference_pulses: vec![&reference],
-                truth: &self.truth,
-                reference: &motion(0.0),
-                heartbeats: &self.beats,
-                resets: &self.resets,
                 given_up: self.given_up,
                 commanded: self.commanded,
                 stored_others: self.stored_others,
@@ -403,7 +399,7 @@ mod tests {
         kept.resets = vec![(ms(100), ResetCause::System)];
         kept.given_up = true;
         assert!(!kept.is_unsafe());
-        kept.truth.pulses[4] = pulse(ms(80), ACTIVE);
+        kept.truth.pulses[0][4] = pulse(ms(80), ACTIVE);
         assert!(kept.is_unsafe());
     }
 
@@ -417,7 +413,7 @@ mod tests {
         });
         seen.resets = vec![(ms(81), ResetCause::Watchdog)];
         assert_eq!(seen.judged().ending, Ending::Restarted);
-        let last = &mut seen.truth.pulses[4];
+        let last = &mut seen.truth.pulses[0][4];
         *last = cut(*last, 1312.0);
         let verdict = seen.judged();
         assert_eq!(verdict.ending, Ending::Unsafe(Unsafe::CutPulse(1312.0)));
@@ -430,7 +426,7 @@ mod tests {
         assert!(!seen.is_unsafe());
         // Where it is neutral by chance, it does no harm.
         seen.blame = Blame::Each;
-        seen.truth.pulses[4] = cut(seen.truth.pulses[4], NEUTRAL);
+        seen.truth.pulses[0][4] = cut(seen.truth.pulses[0][4], NEUTRAL);
         assert!(!seen.is_unsafe());
     }
 
@@ -438,7 +434,7 @@ mod tests {
     #[test]
     fn a_stray_pulse_with_others_behind_it_counts_as_driven_wrongly() {
         let mut seen = Seen::flight(|_| ACTIVE);
-        seen.truth.pulses[7] = cut(seen.truth.pulses[7], 18_400.0);
+        seen.truth.pulses[0][7] = cut(seen.truth.pulses[0][7], 18_400.0);
         let unsafe_ = Ending::Unsafe(Unsafe::StrayPulse(18_400.0));
         assert_eq!(seen.judged().ending, unsafe_);
         seen.blame = Blame::Last;
@@ -446,8 +442,9 @@ mod tests {
         assert_eq!(verdict.ending, Ending::Recovered);
         assert_eq!((verdict.wrong, verdict.strays), (ms(20), 1));
         let rise = ms(990);
-        seen.truth.high[0] = Some(High { rise: rise - ms(400), asked: seen.truth.pulses[0].asked });
-        seen.truth.pulses.truncate(29);
+        seen.truth.high[0] =
+            Some(High { rise: rise - ms(400), asked: seen.truth.pulses[0][0].asked });
+        seen.truth.pulses[0].truncate(29);
         let high = Ending::Unsafe(Unsafe::High(ms(409)));
         let verdict = seen.judged();
         assert_eq!((verdict.ending, verdict.for_ever), (high, true));

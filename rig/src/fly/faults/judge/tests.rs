@@ -21,7 +21,7 @@ pub(crate) fn motion(pitch_rad: f64) -> Vec<Motion> {
 }
 
 pub(crate) fn beat(at: u64, state: StateKind) -> Heartbeat {
-    Heartbeat { at: ms(at), state: Some(state), reason: 0, armed: false }
+    Heartbeat { at: ms(at), state: Some(state), reason: 0 }
 }
 
 /// As wide as it was asked for.

@@ -152,7 +152,7 @@ impl Acts {
     /// Begins a run.
     pub(super) fn begin(&self, ready: &mut Ready) {
         if self.host == Host::Away {
-            let host = ready.rig.usb_host_mut();
+            let host = &mut ready.rig.chip.usb_host;
             host.set_open(false);
             host.pause_reading(true);
         }
@@ -194,14 +194,14 @@ impl Acts {
         /// Longest time that what has been sent may take.
         const LONGEST: Ticks = Ticks::from_ms(20_000);
         let Ready { rig, station, .. } = ready;
-        rig.environment_mut().put_back();
-        let host = rig.usb_host_mut();
+        rig.environment.put_back();
+        let host = &mut rig.chip.usb_host;
         host.pause_reading(false);
         if self.host == Host::Away {
             host.set_open(true);
         }
         let end = rig.now() + LONGEST;
-        while rig.usb_host().unsent() > 0 && rig.now() < end {
+        while rig.chip.usb_host.unsent() > 0 && rig.now() < end {
             station.run(rig, Ticks::from_ms(10))?;
         }
         Ok(())
@@ -209,7 +209,7 @@ impl Acts {
 
     /// Does something to the sensor; ms until it does the next.
     fn disturb(&self, ready: &mut Ready, dice: &mut impl Rng) -> u64 {
-        let environment = ready.rig.environment_mut();
+        let environment = &mut ready.rig.environment;
         match self.motion {
             Motion::Rest => u64::MAX / 2,
             Motion::Knocks => {
@@ -244,7 +244,7 @@ impl Acts {
             Host::Away | Host::Reads => {}
             Host::Frames(hertz) | Host::Orders(hertz) => {
                 self.due += hertz / 1e3;
-                while self.due >= 1.0 && rig.usb_host().unsent() < QUEUE {
+                while self.due >= 1.0 && rig.chip.usb_host.unsent() < QUEUE {
                     let frame = match self.host {
                         Host::Orders(_) => valid_frame(dice),
                         _ => harmless_frame(phase, params, dice),
@@ -255,13 +255,13 @@ impl Acts {
                 }
             }
             Host::Flood => {
-                while rig.usb_host().unsent() < QUEUE {
+                while rig.chip.usb_host.unsent() < QUEUE {
                     rig.usb_write(&valid_frame(dice));
                     self.frames += 1;
                 }
             }
             Host::Noise => {
-                while rig.usb_host().unsent() < QUEUE {
+                while rig.chip.usb_host.unsent() < QUEUE {
                     let noise: [u8; 512] = std::array::from_fn(|_| dice.random());
                     rig.usb_write(&noise);
                 }

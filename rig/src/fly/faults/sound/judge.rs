@@ -309,7 +309,7 @@ mod tests {
                 });
                 truth.steps.push(Step { start: ms(time) + Ticks::from_us(20), end: ms(time + 1) });
             }
-            truth.pulses = (0..50).map(|frame| pulse(ms(20 * frame), NEUTRAL)).collect();
+            truth.pulses[0] = (0..50).map(|frame| pulse(ms(20 * frame), NEUTRAL)).collect();
             truth.motion = motion(0.0);
             Self {
                 phase,
@@ -423,15 +423,15 @@ mod tests {
     #[test]
     fn pulses_are_those_that_were_asked_for_and_neutral_without_control() {
         let mut run = Sound::new(Phase::Armed, StateKind::Armed);
-        run.truth.pulses[7] = pulse(run.truth.pulses[7].rise, NEUTRAL + 5.0);
+        run.truth.pulses[0][7] = pulse(run.truth.pulses[0][7].rise, NEUTRAL + 5.0);
         assert_eq!(run.counts(), [("pulses", 1)]);
         run.sets = true;
         assert_eq!(run.counts(), []);
         let mut run = Sound::in_flight();
-        run.truth.pulses[7] = pulse(run.truth.pulses[7].rise, NEUTRAL + 5.0);
+        run.truth.pulses[0][7] = pulse(run.truth.pulses[0][7].rise, NEUTRAL + 5.0);
         assert_eq!(run.counts(), []);
-        run.truth.pulses[8] = cut(run.truth.pulses[8], 900.0);
-        run.truth.pulses.remove(20);
+        run.truth.pulses[0][8] = cut(run.truth.pulses[0][8], 900.0);
+        run.truth.pulses[0].remove(20);
         assert_eq!(run.counts(), [("pulses", 2)]);
     }
 }

@@ -248,7 +248,7 @@ impl Run<'_> {
     fn fly(&mut self, ready: &mut Ready, dice: &mut impl Rng) -> Result<(), FlightError> {
         let phase = self.sound.phase;
         let length_ms = self.sound.length().as_us() / 1000;
-        ready.rig.environment_mut().truth.clear();
+        ready.rig.environment.truth.clear();
         let begin = ready.rig.now();
         let received = ready.station.received();
         let (beats, texts) = (received.heartbeats.len(), received.texts.len());
@@ -299,7 +299,7 @@ impl Run<'_> {
             truth,
             neutral_us: &neutral_us,
             heartbeats: &received.heartbeats[beats.saturating_sub(1)..],
-            texts: texts.map(|text| text.text.as_str()).collect(),
+            texts: texts.map(String::as_str).collect(),
             resets: &ready.rig.resets()[resets..],
             missed: missed.map(|(before, after)| [before, after]),
         };

@@ -1,14 +1,16 @@
 //! The two navigation experiments of the thesis (chapter 6) with simulated sensors.
 //!
 //! Its estimators, set as in the thesis, and ours get the same samples of one BNO055, 100 a second.
-//! `cargo test -p rig --test navigation -- --nocapture` prints the errors of all estimators.
+//! `cargo test -p rig --lib navigation -- --nocapture` prints the errors of all estimators.
 
 use std::f64::consts::TAU;
 
 use recordings::{Choice, Estimate, Facts, FilterName, Mode, RecordedSample, Scalar, Setting};
-use rig::Ticks;
-use rig::bno055::{ImuErrors, Reading, Sensors, Stimulus};
+use samd21::board::Ticks;
 use tvc_fusion::{Euler, GRAVITY, Quaternion, fixed};
+
+use super::sensors::{Reading, Sensors};
+use crate::bno055::{ImuErrors, Stimulus};
 
 /// The field at Copenhagen: horizontal and downward part, uT (50 uT, 70 deg dip).
 const FIELD_UT: (f64, f64) = (17.101, 46.985);

@@ -1,9 +1,9 @@
-//! The chip's three sensors without its registers and bus, for users who need the samples only.
+//! The chip's three sensors without its registers and bus, for tests that need the samples only.
 
-use super::imperfections::ImuErrors;
-use super::registers::Mode;
-use super::signal::{Settings, SignalChain, Stimulus};
-use super::words::words;
+use crate::bno055::imperfections::ImuErrors;
+use crate::bno055::registers::Mode;
+use crate::bno055::signal::{Settings, SignalChain, Stimulus};
+use crate::bno055::words::words;
 use crate::random::{Stream, generator};
 use samd21::board::Ticks;
 
@@ -16,25 +16,25 @@ const UNITS: u8 = 0;
 
 /// Accelerometer, magnetometer and gyroscope with their errors, noise, bandwidth and resolution.
 #[derive(Clone, Debug)]
-pub struct Sensors {
+pub(crate) struct Sensors {
     signals: SignalChain,
     settings: Settings,
 }
 
 /// A refresh of the data registers: 16 counts for 1 deg/s, 100 for 1 m/s^2, 16 for 1 uT.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Reading {
+pub(crate) struct Reading {
     /// Angular rate.
-    pub gyr: [i16; 3],
+    pub(crate) gyr: [i16; 3],
     /// Specific force.
-    pub acc: [i16; 3],
+    pub(crate) acc: [i16; 3],
     /// Magnetic field; `None` between two conversions of the magnetometer.
-    pub mag: Option<[i16; 3]>,
+    pub(crate) mag: Option<[i16; 3]>,
 }
 
 impl Sensors {
     /// The sensors of one chip; the chip's offsets and its noise are drawn from `seed`.
-    pub fn new(errors: ImuErrors, seed: u64) -> Self {
+    pub(crate) fn new(errors: ImuErrors, seed: u64) -> Self {
         let [acc, mag, gyr] = CONFIGURATION;
         Self {
             signals: SignalChain::new(
@@ -47,12 +47,12 @@ impl Sensors {
     }
 
     /// Exposes the sensors to `truth` since the last call, in steps of at most 1 ms.
-    pub fn sense(&mut self, now: Ticks, truth: &Stimulus) {
+    pub(crate) fn sense(&mut self, now: Ticks, truth: &Stimulus) {
         self.signals.sense(now, truth, &self.settings);
     }
 
     /// Refreshes: the counts from now on; `None` before anything was sensed.
-    pub fn refresh(&mut self, now: Ticks) -> Option<Reading> {
+    pub(crate) fn refresh(&mut self, now: Ticks) -> Option<Reading> {
         let fresh = self.signals.mag_is_due(now);
         let sample = self.signals.refresh(now, &self.settings)?;
         let [acc, mag, gyr] = words(&sample, UNITS, &self.settings);
@@ -60,23 +60,18 @@ impl Sensors {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn perfect_sensors_show_the_truth_in_counts_and_the_field_at_its_own_rate() {
-        let mut sensors = Sensors::new(ImuErrors::NONE, 1);
-        assert_eq!(sensors.clone().refresh(Ticks::ZERO), None);
-        let mut fields = 0;
-        for ms in 1..=1000 {
-            sensors.sense(Ticks::from_us(1000 * ms), &Stimulus::REST);
-            if ms % 10 == 0 {
-                let reading = sensors.refresh(Ticks::from_us(1000 * ms)).unwrap();
-                assert_eq!((reading.gyr, reading.acc), ([0; 3], [0, 0, 981]));
-                fields += i32::from(reading.mag == Some([0, 274, -752]));
-            }
+#[test]
+fn perfect_sensors_show_the_truth_in_counts_and_the_field_at_its_own_rate() {
+    let mut sensors = Sensors::new(ImuErrors::NONE, 1);
+    assert_eq!(sensors.clone().refresh(Ticks::ZERO), None);
+    let mut fields = 0;
+    for ms in 1..=1000 {
+        sensors.sense(Ticks::from_us(1000 * ms), &Stimulus::REST);
+        if ms % 10 == 0 {
+            let reading = sensors.refresh(Ticks::from_us(1000 * ms)).unwrap();
+            assert_eq!((reading.gyr, reading.acc), ([0; 3], [0, 0, 981]));
+            fields += i32::from(reading.mag == Some([0, 274, -752]));
         }
-        assert!((19..=21).contains(&fields), "{fields}");
     }
+    assert!((19..=21).contains(&fields), "{fields}");
 }
