@@ -150,8 +150,7 @@ impl Chase {
         self.arc(&mut drone, self.side * limit, first, step_s, &mut watch);
         self.arc(&mut drone, -self.side * limit, second, step_s, &mut watch);
         let way = (self.home_rad - drone.crank().angle_rad).abs();
-        let third = way / self.actuator.rate_rad_s;
-        self.arc(&mut drone, self.home_rad, third, step_s, &mut watch);
+        self.arc(&mut drone, self.home_rad, way / self.actuator.rate_rad_s, step_s, &mut watch);
         drone.step(1e-9, Crank::at_rest(self.home_rad));
         drone
     }

@@ -226,8 +226,7 @@ impl Parameters {
 
 /// What has this name among the presets, in any case.
 pub(crate) fn by_name<T: Copy>(presets: &[(&str, T)], name: &str) -> Option<T> {
-    let found = presets.iter().find(|preset| preset.0.eq_ignore_ascii_case(name))?;
-    Some(found.1)
+    Some(presets.iter().find(|preset| preset.0.eq_ignore_ascii_case(name))?.1)
 }
 
 /// A parameter's name and value, for a check.

@@ -282,8 +282,7 @@ impl PitchLoop {
             let (before_rad, replaced_s) = self.replaced;
             let command_rad =
                 if edge < replaced_s - 0.5e-9 { before_rad } else { self.command_rad };
-            let width_us = self.servo.model().width_for_crank(command_rad);
-            self.servo.pulse(edge, width_us);
+            self.servo.pulse(edge, self.servo.model().width_for_crank(command_rad));
             self.frames += 1;
         }
         let load = self.drone.hinge_torque_n_m();

@@ -86,8 +86,7 @@ impl StepResponse {
     /// Time until the error has fallen to a tenth of the initial one, in s.
     pub fn rise_s(&self) -> Option<f64> {
         let level = RISEN * self.initial.abs();
-        let after = self.errors.iter().position(|error| *error <= level)?;
-        Some(self.crossing(after, level))
+        Some(self.crossing(self.errors.iter().position(|error| *error <= level)?, level))
     }
 
     /// Time after which the error stays within `band` (a share of the initial error, 0.05 for

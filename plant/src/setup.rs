@@ -179,8 +179,7 @@ pub(crate) fn in_si(key: &str, value: Value) -> Result<Value, String> {
 /// `"12.5 mm"` in the unit whose factor is one.
 fn quantity(text: &str, units: &[(&str, f64)]) -> Result<f64, String> {
     let text = text.trim();
-    let split = text.find(char::is_whitespace).unwrap_or(text.len());
-    let (number, unit) = text.split_at(split);
+    let (number, unit) = text.split_at(text.find(char::is_whitespace).unwrap_or(text.len()));
     let number: f64 = number.parse().map_err(|_| format!("{number} is not a number"))?;
     let unit = unit.trim();
     match units.iter().find(|(name, _)| *name == unit) {

@@ -35,8 +35,7 @@ macro_rules! named_enum {
             type Err = String;
 
             fn from_str(text: &str) -> Result<Self, String> {
-                let found = Self::ALL.into_iter().find(|value| value.name() == text);
-                found.ok_or_else(|| {
+                Self::ALL.into_iter().find(|value| value.name() == text).ok_or_else(|| {
                     let names = Self::ALL.map(Self::name).join(", ");
                     format!("there is no {} {text}; there are {names}", $what)
                 })

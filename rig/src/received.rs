@@ -136,8 +136,7 @@ impl Received {
             MavMessage::STATUSTEXT(m) => self.texts.push(text(&m.text).to_owned()),
             MavMessage::SYS_STATUS(m) => self.status.push((at, m)),
             MavMessage::PARAM_VALUE(m) => {
-                let name = text(&m.param_id).to_owned();
-                self.parameters.insert(name, m.param_value);
+                self.parameters.insert(text(&m.param_id).to_owned(), m.param_value);
             }
             _ => {}
         }

@@ -40,8 +40,7 @@ impl Bus<'_> {
 
     /// Has the USB host do what it has left out up to `now`.
     pub(crate) fn settle(&mut self, now: Ticks) {
-        let usb = &mut self.peripherals.usb;
-        self.usb_host.settle(now, usb, self.memory);
+        self.usb_host.settle(now, &mut self.peripherals.usb, self.memory);
     }
 
     /// Reads from a peripheral, or a word of the auxiliary flash rows.

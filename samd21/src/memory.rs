@@ -126,8 +126,7 @@ impl Memory {
     /// written, outside of flash.
     #[must_use]
     pub fn program(&mut self, address: u32, bytes: &[u8]) -> Option<()> {
-        let range = window(address, bytes.len(), 0, FLASH_SIZE)?;
-        self.change(range, |cells| {
+        self.change(window(address, bytes.len(), 0, FLASH_SIZE)?, |cells| {
             for (cell, byte) in cells.iter_mut().zip(bytes) {
                 *cell &= byte;
             }
@@ -138,8 +137,7 @@ impl Memory {
     /// Erases `len` bytes of flash to 0xFF. `None`, and nothing is erased, outside of flash.
     #[must_use]
     pub fn erase(&mut self, address: u32, len: usize) -> Option<()> {
-        let range = window(address, len, 0, FLASH_SIZE)?;
-        self.change(range, |cells| cells.fill(0xFF));
+        self.change(window(address, len, 0, FLASH_SIZE)?, |cells| cells.fill(0xFF));
         Some(())
     }
 

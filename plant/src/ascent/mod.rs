@@ -222,8 +222,7 @@ impl Ascent {
 
     /// Mass, centre of mass and inertia now.
     pub fn mass_properties(&self) -> MassProperties {
-        let time_s = self.time_s.unwrap_or(0.0);
-        self.parameters.rocket.mass_at(time_s)
+        self.parameters.rocket.mass_at(self.time_s.unwrap_or(0.0))
     }
 
     /// The parameters.

@@ -226,8 +226,7 @@ impl Draw {
             let exact = m.rate_rad_s;
             let (_, noise) = newest.take_if(|(before, _)| *before == exact).unwrap_or_else(|| {
                 let mut normal = || -> f64 { rng.sample(StandardNormal) };
-                let pitch_rad = ranges.pitch_noise_rad * normal();
-                (exact, (pitch_rad, ranges.rate_noise_rad_s * normal()))
+                (exact, (ranges.pitch_noise_rad * normal(), ranges.rate_noise_rad_s * normal()))
             });
             newest = Some((exact, noise));
             law(Measurement {

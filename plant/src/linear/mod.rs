@@ -72,10 +72,7 @@ pub struct Rank {
 /// `None` if the rudder is too weak to hold the drone there.
 pub fn equilibrium(mechanism: &Mechanism, pitch_rad: f64) -> Option<Equilibrium> {
     let ((low, _), (high, _)) = mechanism.linkage().dead_points()?;
-    let load = |crank: f64| {
-        let at = mechanism.configuration(crank);
-        mechanism.pitch_load(&at, pitch_rad, 0.0)
-    };
+    let load = |crank: f64| mechanism.pitch_load(&mechanism.configuration(crank), pitch_rad, 0.0);
     // The moment falls as the rudder turns from one dead point to the other.
     let crank_rad = root::between(load, low, high, 1e-15)?;
     Some(Equilibrium::at(mechanism, pitch_rad, crank_rad))

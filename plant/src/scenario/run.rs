@@ -45,8 +45,7 @@ impl Loaded {
     }
 
     fn knots(&self) -> impl Iterator<Item = f64> + '_ {
-        let thrust = self.thrust.iter().flat_map(Curve::knots);
-        thrust.chain(self.pitch_moment.knots())
+        self.thrust.iter().flat_map(Curve::knots).chain(self.pitch_moment.knots())
     }
 }
 

@@ -112,8 +112,7 @@ pub(super) fn hang(
         VehicleConfig::OneAxis => {
             let drone = Drone::new(&bench.parameters, bench.start_rad, 0.0)?;
             let zero_rad = drone.crank().angle_rad;
-            let vehicle = Vehicle::Pivot(Box::new(drone));
-            Ok((vehicle, [bench.start_rad, 0.0], zero_rad))
+            Ok((Vehicle::Pivot(Box::new(drone)), [bench.start_rad, 0.0], zero_rad))
         }
         VehicleConfig::TwoAxes(two_axes) => {
             let parameters = TwoAxisParameters {
@@ -129,8 +128,7 @@ pub(super) fn hang(
         }
         VehicleConfig::Rocket(config) => {
             let attitude = vehicle::attitude(config.start_rad, bench.heading_rad);
-            let rocket = Rocket::new(config, attitude)?;
-            Ok((Vehicle::Rocket(Box::new(rocket)), config.start_rad, 0.0))
+            Ok((Vehicle::Rocket(Box::new(Rocket::new(config, attitude)?)), config.start_rad, 0.0))
         }
     }
 }

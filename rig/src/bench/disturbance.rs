@@ -150,10 +150,8 @@ impl Vibration {
         within(1.0..=Self::HIGHEST_HZ, self.frequency_hz, &hertz)?;
         let why = "the angular rate of a vibration is 0 to 500 deg/s";
         within(0.0..=500.0, self.rate_dps.unwrap_or(0.0), why)?;
-        let why = "a vibration has 0 to 4 harmonics";
-        within(0.0..=4.0, f64::from(self.harmonics), why)?;
-        let why = "the frequency of a vibration wanders by 0 to 20 %";
-        within(0.0..=20.0, self.wander_pct, why)?;
+        within(0.0..=4.0, f64::from(self.harmonics), "a vibration has 0 to 4 harmonics")?;
+        within(0.0..=20.0, self.wander_pct, "the frequency of a vibration wanders by 0 to 20 %")?;
         let highest_hz =
             self.frequency_hz * f64::from(1 + self.harmonics) * (1.0 + self.wander_pct / 100.0);
         let why = format!("the highest line of a vibration has at most {} Hz", Self::HIGHEST_HZ);
@@ -239,8 +237,7 @@ pub struct SupplySag {
 
 impl SupplySag {
     fn check(&self) -> Result<(), String> {
-        let why = "the supply of a servo is 3 to 7.4 V";
-        within(3.0..=7.4, self.volts, why)?;
+        within(3.0..=7.4, self.volts, "the supply of a servo is 3 to 7.4 V")?;
         let why = "the supply at stall is 1 V to the one without current";
         within(1.0..=self.volts, self.stall_volts(), why)?;
         if self.from_s >= 0.0 && self.until_s() > self.from_s {
@@ -295,8 +292,7 @@ pub struct ThrustRamp {
 
 impl ThrustRamp {
     fn check(&self) -> Result<(), String> {
-        let why = "the thrust at release is 0 to 100 %";
-        within(0.0..=100.0, self.from_pct, why)?;
+        within(0.0..=100.0, self.from_pct, "the thrust at release is 0 to 100 %")?;
         let why = "a thrust ramp takes more than 0 and at most 10 s";
         within(f64::MIN_POSITIVE..=10.0, self.seconds, why)
     }
@@ -408,8 +404,7 @@ fn numbers<const A: usize, const B: usize>(
 
 /// Refuses a value out of its range; NaN is out of every range.
 fn within(range: RangeInclusive<f64>, value: f64, why: &str) -> Result<(), String> {
-    let inside = range.contains(&value);
-    inside.then_some(()).ok_or_else(|| why.to_owned())
+    range.contains(&value).then_some(()).ok_or_else(|| why.to_owned())
 }
 
 #[cfg(test)]

@@ -206,8 +206,7 @@ impl Environment {
 
     /// Pushes a free drone with a torque, N m, for a time, s.
     pub fn gust(&mut self, torque_n_m: f64, seconds: f64) {
-        let until = STEP * self.steps + Ticks::from_secs_f64(seconds);
-        self.gust = Some((torque_n_m, until));
+        self.gust = Some((torque_n_m, STEP * self.steps + Ticks::from_secs_f64(seconds)));
     }
 
     /// Strikes the sensor's board, wherever that is.
@@ -234,8 +233,7 @@ impl Environment {
         self.vehicle.set_thrust(self.bench.parameters.thrust_n);
         let temperature = disturbances.temperature;
         let errors = self.bench.sensor.errors;
-        let errors = temperature.map_or(errors, |temperature| temperature.of(errors));
-        self.sensor.set_errors(errors);
+        self.sensor.set_errors(temperature.map_or(errors, |temperature| temperature.of(errors)));
     }
 
     /// The chip has been reset: what has begun on the bus and at the probe pin is forgotten. What its
@@ -447,8 +445,7 @@ impl Board for Environment {
     }
 
     fn compare(&mut self, _now: Ticks, tcc: u8, channel: u8, count: u32) {
-        let channels = self.bench.wiring.channels;
-        let axis = channels.iter().position(|servo| *servo == channel);
+        let axis = self.bench.wiring.channels.iter().position(|servo| *servo == channel);
         if let Some(axis) = axis.filter(|_| tcc == 0) {
             let width = SERVO_COUNT * u64::from(count);
             self.analyzer.asked(Axis::ALL[axis], width);

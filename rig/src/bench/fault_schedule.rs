@@ -113,8 +113,7 @@ impl FaultEntry {
             Fault::LongStretch { stretch, .. } => Some(stretch.as_us_f64() * 1e-3),
             _ => None,
         };
-        let given_ms = &mut self.stretch_ms;
-        reconcile(kind, "stretch_ms", given_ms, stretch_ms.as_mut(), 0.0..=1000.0)?;
+        reconcile(kind, "stretch_ms", &mut self.stretch_ms, stretch_ms.as_mut(), 0.0..=1000.0)?;
         if let (Fault::LongStretch { stretch, .. }, Some(ms)) = (&mut fault, stretch_ms) {
             *stretch = Ticks::from_secs_f64(ms * 1e-3);
         }

@@ -73,8 +73,7 @@ impl Rocket {
 
     /// Advances by `dt_s` with the actuators' shafts sent to these angles, pitch and roll, rad.
     pub fn step(&mut self, dt_s: f64, shafts_rad: [f64; Axis::COUNT]) {
-        let gimbal = shafts_rad.map(|shaft| shaft / self.shaft_per_gimbal);
-        self.ascent.step(dt_s, gimbal);
+        self.ascent.step(dt_s, shafts_rad.map(|shaft| shaft / self.shaft_per_gimbal));
         let now_s = self.ascent.time_s().unwrap_or(0.0);
         while let Some(kick) = self.kicks.first().filter(|kick| kick.at_s <= now_s) {
             let inertia = self.ascent.mass_properties().inertia_kg_m2;

@@ -113,12 +113,10 @@ impl Vehicle {
         match self {
             Self::Pivot(drone) => drone.clamp(tilt_rad[0]),
             Self::Joint(drone) => {
-                let heading_rad = heading_rad(&drone.attitude());
-                drone.clamp(attitude(tilt_rad, heading_rad));
+                drone.clamp(attitude(tilt_rad, heading_rad(&drone.attitude())));
             }
             Self::Rocket(rocket) => {
-                let heading_rad = heading_rad(&rocket.ascent().attitude());
-                rocket.tilt_rail(attitude(tilt_rad, heading_rad));
+                rocket.tilt_rail(attitude(tilt_rad, heading_rad(&rocket.ascent().attitude())));
             }
         }
     }

@@ -216,8 +216,7 @@ impl Bno055 {
         });
         self.refused[group] = !within;
         for at in first..first + 2 * words {
-            let value = if within { self.staged[at] } else { 0 };
-            self.set(page0::ACC_OFFSET + at as u8, value);
+            self.set(page0::ACC_OFFSET + at as u8, if within { self.staged[at] } else { 0 });
         }
     }
 

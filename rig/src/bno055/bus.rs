@@ -79,10 +79,7 @@ impl Bno055 {
                 }
                 I2cReply::ACK
             }
-            I2cEvent::Read if self.selected(now) => {
-                let value = self.read_next(now);
-                I2cReply::data(value)
-            }
+            I2cEvent::Read if self.selected(now) => I2cReply::data(self.read_next(now)),
             I2cEvent::Write(_) | I2cEvent::Read => I2cReply::NAK,
             I2cEvent::Stop => {
                 let ended = std::mem::take(&mut self.transfer);

@@ -315,8 +315,7 @@ impl Bno055 {
         // Fusion does not start on a profile that was refused; a mode change clears any other
         // error.
         let refused = mode.is_fusion() && self.refused.contains(&true);
-        let error = if refused { error::FUSION_CONFIG } else { 0 };
-        self.set(page0::SYS_ERR, error);
+        self.set(page0::SYS_ERR, if refused { error::FUSION_CONFIG } else { 0 });
         // Refreshes keep the phase that they have had since start-up.
         self.clock.pass(at, mode);
     }

@@ -145,8 +145,7 @@ impl SignalChain {
 
     /// The accelerometer's offset now, m/s^2.
     pub(super) fn acc_offset_m_s2(&self) -> [f64; 3] {
-        let drift = self.drift(self.errors.acc_drift_m_s2_k);
-        add(self.errors.acc_offset_m_s2, drift)
+        add(self.errors.acc_offset_m_s2, self.drift(self.errors.acc_drift_m_s2_k))
     }
 
     /// The change at the present temperature of a quantity that changes by `per_k` for each K.

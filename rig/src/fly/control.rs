@@ -61,8 +61,7 @@ impl Control {
             if self.clients.len() == CLIENTS {
                 self.clients.remove(0);
             }
-            let line = Vec::new();
-            self.clients.push(Client { stream, line });
+            self.clients.push(Client { stream, line: Vec::new() });
         }
         self.clients.retain_mut(|client| client.serve(&mut answer).is_ok());
     }
@@ -93,8 +92,7 @@ impl Client {
         }
         while let Some(end) = self.line.iter().position(|byte| *byte == b'\n') {
             let line: Vec<u8> = self.line.drain(..=end).collect();
-            let line = String::from_utf8_lossy(&line);
-            writeln!(self.stream, "{}", answer(line.trim()))?;
+            writeln!(self.stream, "{}", answer(String::from_utf8_lossy(&line).trim()))?;
         }
         match self.line.len() {
             0..LINE => Ok(()),

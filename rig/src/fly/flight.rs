@@ -336,8 +336,7 @@ impl Ready {
         // A person releases the drone at a random phase of the servo frame.
         let [pitch, roll] = start_rad.map(f64::to_bits);
         let mut dice = generator(self.seed ^ pitch ^ roll.rotate_left(1), Stream::Release);
-        let hesitation = Ticks::from_us(dice.random_range(0..20_000));
-        fork.station.run(&mut fork.rig, hesitation)?;
+        fork.station.run(&mut fork.rig, Ticks::from_us(dice.random_range(0..20_000)))?;
         Ok(fork)
     }
 

@@ -165,8 +165,7 @@ impl Pilot {
             }
             !over
         });
-        let due = self.check_rudder_at.take_if(|(due, _)| rig.now() >= *due);
-        if let Some((_, axis)) = due {
+        if let Some((_, axis)) = self.check_rudder_at.take_if(|(due, _)| rig.now() >= *due) {
             lines.push(describe(rig.environment.vehicle(), axis));
         }
         lines
@@ -240,8 +239,7 @@ impl Pilot {
                 return Err("the bootloader runs, not the firmware".into());
             }
             Action::Program(end) => {
-                let ended = rig.end_program(*end);
-                ended.ok_or("this image does not say where its stack ends")?;
+                rig.end_program(*end).ok_or("this image does not say where its stack ends")?;
             }
             Action::Store(false) => rig.spoil_store(),
             Action::Store(true) => rig.erase_store(),

@@ -59,8 +59,7 @@ pub fn run(rig: &mut Rig, seconds: f64, progress: &mut dyn FnMut(f64)) -> Result
 pub fn advance(rig: &mut Rig, seconds: f64, progress: &mut dyn FnMut(f64)) -> Result<(), RigError> {
     let end = rig.now() + Ticks::from_secs_f64(seconds);
     while rig.now() < end {
-        let slice = Ticks::from_ms(20).min(end - rig.now());
-        rig.run_for(slice)?;
+        rig.run_for(Ticks::from_ms(20).min(end - rig.now()))?;
         progress(rig.now().as_secs_f64());
     }
     Ok(())

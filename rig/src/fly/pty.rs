@@ -56,8 +56,7 @@ impl Pty {
     /// True while a program has it open.
     pub fn is_open(&self) -> bool {
         let mut asked = [PollFd::new(&self.master, PollFlags::IN)];
-        let at_once = Timespec::default();
-        match poll(&mut asked, Some(&at_once)) {
+        match poll(&mut asked, Some(&Timespec::default())) {
             Ok(_) => !asked[0].revents().contains(PollFlags::HUP),
             Err(_) => false,
         }

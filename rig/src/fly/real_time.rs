@@ -139,8 +139,7 @@ impl RealTime {
             let count = pty.write(&self.outgoing)?;
             self.outgoing.drain(..count);
         }
-        let full = self.outgoing.len() >= BUFFER;
-        self.attended.rig.chip.usb_host.pause_reading(full);
+        self.attended.rig.chip.usb_host.pause_reading(self.outgoing.len() >= BUFFER);
         if self.attended.rig.now() - self.window_start >= WINDOW {
             self.measure_window();
         }

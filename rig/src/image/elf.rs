@@ -24,8 +24,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Image, String> {
         segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) != 0
     };
     let segments = || file.elf_program_headers().iter().filter(loads);
-    let starts = segments().map(|segment| segment.p_paddr(endian));
-    let address = match starts.min() {
+    let address = match segments().map(|segment| segment.p_paddr(endian)).min() {
         Some(0) => 0,
         _ => IMAGE_ADDRESS,
     };

@@ -111,8 +111,7 @@ pub fn carried(truth: &GroundTruth) -> impl Iterator<Item = (&Burst, &Pulse)> {
     truth.pulses_of(Axis::Pitch).iter().filter_map(move |pulse| {
         let step = truth.steps.partition_point(|s| s.end <= pulse.rise);
         let step = truth.steps.get(step.checked_sub(1)?)?;
-        let burst = truth.bursts.partition_point(|b| b.end <= step.start);
-        let index = burst.checked_sub(1)?;
+        let index = truth.bursts.partition_point(|b| b.end <= step.start).checked_sub(1)?;
         if last.replace(index) == Some(index) {
             return None;
         }

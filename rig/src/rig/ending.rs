@@ -37,8 +37,7 @@ impl Rig {
 
     /// Overwrites the lowest word of the stack's RAM.
     fn overflow_stack(&mut self) -> Option<u32> {
-        let end = self.image.symbol("_stack_end")?;
-        let place = end.checked_sub(RAM)? as usize;
+        let place = self.image.symbol("_stack_end")?.checked_sub(RAM)? as usize;
         self.chip.memory.ram_mut().get_mut(place..place + 4)?.fill(0);
         Some(self.chip.registers().r[15])
     }
@@ -61,7 +60,6 @@ impl Rig {
 
     /// The stored parameters are erased, as by a programmer that erases everything.
     pub fn erase_store(&mut self) {
-        let erased = [0xFF; store::STORE_BYTES];
-        self.chip.load_flash(store::STORE_ADDRESS, &erased);
+        self.chip.load_flash(store::STORE_ADDRESS, &[0xFF; store::STORE_BYTES]);
     }
 }

@@ -61,8 +61,7 @@ impl Core {
         if !(address as usize).is_multiple_of(N) {
             return Err(unaligned_store(address, width::<N>()));
         }
-        let at = address.wrapping_sub(RAM_BASE);
-        if write::<N>(bus.memory.ram_mut(), at, value) {
+        if write::<N>(bus.memory.ram_mut(), address.wrapping_sub(RAM_BASE), value) {
             return Ok(());
         }
         self.store_device(bus, address, width::<N>(), value)

@@ -464,8 +464,7 @@ impl Core {
         let mask = 1_u32.checked_shl(bit.into()).unwrap_or(0);
         match address {
             SYST_CSR if bit < 2 => {
-                let flipped = self.systick.control ^ mask;
-                self.systick.write_control(flipped, self.now, self.cycle);
+                self.systick.write_control(self.systick.control ^ mask, self.now, self.cycle);
             }
             SYST_RVR if bit < 24 => {
                 self.systick.set_reload(self.systick.reload ^ mask);
@@ -473,8 +472,7 @@ impl Core {
             NVIC_ISER => self.nvic.enabled ^= nvic::exceptions(mask),
             NVIC_IPR..0xE000_E420 if address.is_multiple_of(4) && bit % 8 >= 6 => {
                 let first = nvic::IRQ0 + (address - NVIC_IPR) as u8;
-                let word = self.nvic.priority_word(first) ^ mask;
-                self.nvic.set_priority_word(first, word);
+                self.nvic.set_priority_word(first, self.nvic.priority_word(first) ^ mask);
             }
             _ => return false,
         }

@@ -34,8 +34,7 @@ impl Bus<'_> {
         modelled: u32,
     ) {
         if *ctrla & ENABLE != 0 && (*ctrla ^ value) & modelled != 0 {
-            let what = "enable-protected CTRLA written while enabled: discarded";
-            self.note(peripheral, what);
+            self.note(peripheral, "enable-protected CTRLA written while enabled: discarded");
         } else {
             *ctrla = value & modelled | *ctrla & ENABLE;
         }

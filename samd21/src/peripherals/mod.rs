@@ -249,8 +249,7 @@ impl Peripherals {
         }?;
         let has_clocks = matches!(entry.block, Block::Pm | Block::Sysctrl | Block::Gclk);
         if has_clocks && !self.retime(now) {
-            let why = "generator 0, the CPU's clock, stands still";
-            return Err(Refusal::Forbidden(why));
+            return Err(Refusal::Forbidden("generator 0, the CPU's clock, stands still"));
         }
         match entry.block {
             Block::Tcc(index) => self.drive(now, index, board),
@@ -428,8 +427,7 @@ impl Peripherals {
     fn check_flash(&mut self, now: Ticks) {
         let overrun = self.cycle < 2 << FRACTION && self.nvmctrl.wait_states() == 0;
         if overrun && !self.flash_overrun {
-            let what = "flash without a wait state above 24 MHz";
-            self.violations.note(now, "NVMCTRL", what);
+            self.violations.note(now, "NVMCTRL", "flash without a wait state above 24 MHz");
         }
         self.flash_overrun = overrun;
     }

@@ -13,7 +13,7 @@ fn the_hal_starts_48_mhz_with_and_without_held_synchronisation() {
         bench.start_clocks();
         assert_eq!(bench.peripherals.cycle, 1 << FRACTION);
         assert_eq!(bench.peripherals.flash_wait_states(), 1);
-        assert_eq!(bench.peripherals.violations.first(), []);
+        assert_eq!(bench.peripherals.violations.first, []);
     }
 }
 
@@ -168,11 +168,11 @@ fn the_cpu_cannot_be_left_without_a_clock() {
 fn flash_without_a_wait_state_is_noted_above_24_mhz() {
     let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     bench.start_clocks();
-    assert_eq!(bench.peripherals.violations.count(), 0);
+    assert_eq!(bench.peripherals.violations.count, 0);
     bench.w32(NVMCTRL + 4, 1 << 7);
     assert_eq!(bench.peripherals.flash_wait_states(), 0);
-    assert_eq!(bench.peripherals.violations.count(), 1);
-    assert_eq!(bench.peripherals.violations.first()[0].peripheral, "NVMCTRL");
+    assert_eq!(bench.peripherals.violations.count, 1);
+    assert_eq!(bench.peripherals.violations.first[0].peripheral, "NVMCTRL");
 }
 
 #[test]
@@ -317,7 +317,7 @@ fn any_sercom_is_an_i2c_master_through_the_pads_that_reach_the_boards_bus() {
         bench.pass(Ticks::from_us(40));
         assert_eq!(bench.peripherals.irq_lines, 1 << (9 + sercom));
         assert_eq!(bench.r16(base + 0x1A), 2 << 4 | 1 << 7);
-        assert_eq!(bench.peripherals.violations.first(), []);
+        assert_eq!(bench.peripherals.violations.first, []);
     }
 }
 
@@ -338,7 +338,7 @@ fn a_sercom_whose_pads_lie_elsewhere_does_not_reach_the_boards_bus() {
     // Nobody acknowledges: RXNACK with MB.
     assert_eq!(bench.r8(SERCOM3 + 0x18) & 1, 1);
     assert_eq!(bench.r16(SERCOM3 + 0x1A) & 1 << 2, 1 << 2);
-    let violations = bench.peripherals.violations.first();
+    let violations = &bench.peripherals.violations.first;
     assert_eq!(violations[0].peripheral, "SERCOM3");
 }
 
@@ -426,7 +426,7 @@ fn time_goes_on_when_an_event_turns_out_to_be_overdue() {
     bench.multiplex(0, 25, 6);
     bench.pass(Ticks::from_ms(20));
     assert_eq!(bench.r16(0x4100_501C) & 1, 1, "SUSPEND");
-    assert_eq!(bench.peripherals.violations.count(), 1);
+    assert_eq!(bench.peripherals.violations.count, 1);
 }
 
 #[test]

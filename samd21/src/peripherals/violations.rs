@@ -26,8 +26,10 @@ impl fmt::Display for Violation {
 /// The first violations since power-on.
 #[derive(Clone, Debug, Default)]
 pub struct Violations {
-    first: Vec<Violation>,
-    count: u64,
+    /// The first 64.
+    pub first: Vec<Violation>,
+    /// How many there were.
+    pub count: u64,
 }
 
 impl Violations {
@@ -37,15 +39,5 @@ impl Violations {
         if self.first.len() < KEPT {
             self.first.push(Violation { at, peripheral, what });
         }
-    }
-
-    /// How many there were.
-    pub fn count(&self) -> u64 {
-        self.count
-    }
-
-    /// The first 64.
-    pub fn first(&self) -> &[Violation] {
-        &self.first
     }
 }

@@ -271,7 +271,7 @@ fn the_port_is_enumerated_and_opened() {
         assert_eq!(host.enumeration.strings, ["Maker", "Thing", "0001"]);
         assert_eq!(device.line_coding, [0x00, 0xC2, 0x01, 0, 0, 0, 8]);
         assert_eq!(device.lines, Some(3));
-        assert_eq!(device.bench.peripherals.violations.first(), []);
+        assert_eq!(device.bench.peripherals.violations.first, []);
         // SOF has locked the DFLL, FNUM counts.
         assert_ne!(device.bench.r32(0x4000_080C) & 1 << 6, 0);
         let frame = device.bench.r16(USB + 0x10) >> 3;

@@ -189,8 +189,7 @@ impl Key {
             Time(unit, _, field) => (field(&mut copy).0 / unit.0).to_string(),
             Hold(field) => {
                 let (least, most) = field(&mut copy).clone().into_inner();
-                let several = format!("{least}..{most}");
-                if least == most { least.to_string() } else { several }
+                if least == most { least.to_string() } else { format!("{least}..{most}") }
             }
             Choice(all) => {
                 let found = all.iter().find(|(_, choose)| {
@@ -250,8 +249,7 @@ fn shown_rare(hardware: &Hardware) -> String {
 
 fn slow_clock(hardware: &mut Hardware, text: &str) -> Result<(), String> {
     let given = text != "seed";
-    let ratio = given.then(|| number(text, 0.87..=1.4)).transpose();
-    put(&mut hardware.slow_clock, ratio)
+    put(&mut hardware.slow_clock, given.then(|| number(text, 0.87..=1.4)).transpose())
 }
 
 fn shown_slow_clock(hardware: &Hardware) -> String {

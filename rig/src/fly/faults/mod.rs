@@ -146,8 +146,7 @@ impl Kind {
     pub fn all() -> Vec<Self> {
         let sensor = FaultKind::ALL.into_iter().map(Self::Sensor);
         let system = SystemKind::ALL.into_iter().map(Self::System);
-        let sound = SoundKind::ALL.into_iter().map(Self::Sound);
-        sensor.chain(system).chain(sound).collect()
+        sensor.chain(system).chain(SoundKind::ALL.into_iter().map(Self::Sound)).collect()
     }
 
     /// Its name on the command line, in files and in tables.
@@ -161,8 +160,7 @@ impl Kind {
 
     /// Its place among all.
     fn index(self) -> u64 {
-        let all = Self::all().into_iter();
-        all.take_while(|kind| *kind != self).count() as u64
+        Self::all().into_iter().take_while(|kind| *kind != self).count() as u64
     }
 }
 
@@ -177,8 +175,7 @@ impl FromStr for Kind {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let all = Self::all();
-        let found = all.iter().find(|kind| kind.name() == text);
-        found.copied().ok_or_else(|| {
+        all.iter().find(|kind| kind.name() == text).copied().ok_or_else(|| {
             let names: Vec<_> = all.iter().map(|kind| kind.name()).collect();
             format!("there is no fault {text}; there are {}", names.join(", "))
         })
@@ -202,8 +199,7 @@ impl Campaign {
     /// The rig stopped, or the image refuses.
     pub fn new(ready: &Ready, frame_hz: f64, phase: Phase, seed: u64) -> Result<Self, FlightError> {
         let params = reported_parameters(ready)?;
-        let axes = params.axes().iter();
-        let neutral_us = axes.map(|axis| (*axis, neutral_us(&params, *axis)));
+        let neutral_us = params.axes().iter().map(|axis| (*axis, neutral_us(&params, *axis)));
         let neutral_us: Vec<_> = neutral_us.collect();
         let [pitch_rad, roll_rad] = START_RAD;
         let tilt_rad = [pitch_rad, if neutral_us.len() > 1 { roll_rad } else { 0.0 }];
@@ -310,8 +306,7 @@ impl Campaign {
         what: &mut String,
     ) -> Result<Outcome, FlightError> {
         let told = fork.station.received().texts.len();
-        let slow_clock = dice.random_range(self.plan.slow_clock());
-        fork.rig.drift_slow_clock(slow_clock);
+        fork.rig.drift_slow_clock(dice.random_range(self.plan.slow_clock()));
         let fault = match self.plan {
             Plan::TimerBits => {
                 let bits = &self.undisturbed.timer_bits;

@@ -73,10 +73,10 @@ impl Phase {
         if matches!(self, Self::Armed | Self::Flight | Self::Failsafe) {
             ready.arm(Stage::Tilt, ARM_PATIENCE, &mut |_| {})?;
         }
+        let Ready { rig, station, .. } = &mut *ready;
         match self {
             Self::Start => {
-                ready.station.order(&mut ready.rig, request::SAVE)?;
-                let Ready { rig, station, .. } = ready;
+                station.order(rig, request::SAVE)?;
                 rig.power_cycle();
                 station.begin_measurement();
                 let mut fork = ready.clone();
@@ -91,7 +91,6 @@ impl Phase {
             }
             Self::Standby | Self::Armed => Ok(AT_REST),
             Self::Saving => {
-                let Ready { rig, station, .. } = ready;
                 station.set_parameter(rig, "PID_KP", 0.25)?;
                 let mut fork = ready.clone();
                 let begun = fork.rig.now();
@@ -101,13 +100,11 @@ impl Phase {
                 Ok(Ticks::ZERO..took)
             }
             Self::Flight => {
-                let Ready { rig, station, .. } = ready;
                 station.release(rig, START_RATE_RAD_S)?;
                 station.begin_measurement();
                 Ok(IN_FLIGHT)
             }
             Self::Failsafe => {
-                let Ready { rig, station, .. } = ready;
                 station.release(rig, START_RATE_RAD_S)?;
                 station.run(rig, IN_FLIGHT.start)?;
                 rig.inject(Fault::Unplugged);
@@ -231,7 +228,5 @@ pub(super) fn is_same(one: &Params, other: &Params) -> bool {
 
 /// What the next start would find in flash.
 pub(super) fn stored(rig: &Rig) -> (Params, Loaded) {
-    let flash = &rig.chip.memory.flash()[store::STORE_ADDRESS as usize..];
-    let bytes = flash.first_chunk().expect("the store ends with the flash");
-    store::load_bytes(bytes)
+    store::load_bytes(rig.stored().first_chunk().expect("the store is as long"))
 }

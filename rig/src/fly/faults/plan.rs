@@ -52,10 +52,7 @@ impl Plan {
                 of_phase.map(|(kind, _)| Kind::System(kind)).collect()
             }
             Self::TimerBits => vec![Kind::System(SystemKind::TimerRegister)],
-            Self::Sound => {
-                let kinds = SoundKind::of(phase).into_iter();
-                kinds.map(Kind::Sound).collect()
-            }
+            Self::Sound => SoundKind::of(phase).into_iter().map(Kind::Sound).collect(),
         }
     }
 

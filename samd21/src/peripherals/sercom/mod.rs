@@ -153,8 +153,7 @@ impl Sercom {
             0x04 => return self.write_ctrlb(bus, lanes.merge(self.ctrlb)),
             0x0C => {
                 if self.is_enabled() {
-                    let what = "enable-protected BAUD written while enabled: discarded";
-                    self.note(bus, what);
+                    self.note(bus, "enable-protected BAUD written while enabled: discarded");
                 } else {
                     self.baud = lanes.merge(self.baud);
                 }

@@ -169,8 +169,7 @@ impl Tcc {
     fn is_open(&self, bus: &mut Bus<'_>) -> bool {
         let is_open = self.ctrla & ENABLE == 0;
         if !is_open {
-            let what = "enable-protected register written while enabled: discarded";
-            bus.note(self.name(), what);
+            bus.note(self.name(), "enable-protected register written while enabled: discarded");
         }
         is_open
     }
@@ -190,8 +189,7 @@ impl Tcc {
         if was_enabled != enables && !self.synchronise(bus, busy::ENABLE) {
             return DONE;
         }
-        let fields = CTRLA_MODELLED | CPTENX;
-        bus.write_ctrla(self.name(), &mut self.ctrla, value, fields);
+        bus.write_ctrla(self.name(), &mut self.ctrla, value, CTRLA_MODELLED | CPTENX);
         match (was_enabled, enables) {
             (false, true) => self.enable(bus.now),
             (true, false) => {
@@ -221,8 +219,7 @@ impl Tcc {
     /// write is discarded (D21-114).
     fn synchronise(&mut self, bus: &mut Bus<'_>, bit: usize) -> bool {
         if self.sync.is_busy(bus.now, bit) {
-            let what = "a register written while it synchronises: discarded";
-            bus.note(self.name(), what);
+            bus.note(self.name(), "a register written while it synchronises: discarded");
             return false;
         }
         self.sync.begin(bus.now, bit);

@@ -28,7 +28,7 @@ fn every_system_configures_a_device_that_refuses_what_it_need_not_have() {
         device.host().write(b"echo");
         device.run(Ticks::from_ms(5));
         assert_eq!(device.host().read(), b"echo");
-        assert_eq!(device.bench.peripherals.violations.first(), []);
+        assert_eq!(device.bench.peripherals.violations.first, []);
     }
 }
 

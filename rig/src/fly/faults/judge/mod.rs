@@ -97,8 +97,7 @@ impl Rudder<'_> {
     pub(crate) fn strays(&self, frame: Ticks, end: Ticks) -> Vec<Stray> {
         let nexts = self.pulses.iter().skip(1).map(|next| next.rise);
         let nexts = nexts.chain([self.high.map_or(end, |high| high.rise)]);
-        let with_next = self.pulses.iter().zip(nexts);
-        let strays = with_next.filter_map(|(pulse, next)| {
+        let strays = self.pulses.iter().zip(nexts).filter_map(|(pulse, next)| {
             let is_stray = !pulse.is_as_asked(self.clock_error) && !self.is_about_neutral(pulse);
             let width_us = pulse.width_us();
             let Asked([asked, _]) = pulse.asked;

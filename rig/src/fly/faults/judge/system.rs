@@ -216,8 +216,7 @@ impl SystemRun<'_> {
         if self.phase != Phase::Flight || !TRAVEL_US.contains(&width) {
             return true;
         }
-        let other = nearest(reference, pulse.rise);
-        let wanted_us = other.map(Pulse::width_us);
+        let wanted_us = nearest(reference, pulse.rise).map(Pulse::width_us);
         let is_near = |us: f64| rudder.is_between(pulse, us - NEAR_US, us + NEAR_US);
         if wanted_us.is_some_and(is_near) {
             return false;

@@ -223,8 +223,7 @@ impl Acts {
             }
             Motion::Magnets => {
                 let seconds = octaves(0.1..3.0, dice);
-                let most_ut = octaves(20.0..2000.0, dice);
-                let field_ut = three(most_ut, dice);
+                let field_ut = three(octaves(20.0..2000.0, dice), dice);
                 environment.pass_magnet(Magnet { field_ut, seconds });
                 (seconds * 1e3) as u64 + dice.random_range(0..500)
             }

@@ -129,8 +129,7 @@ impl Seen<'_> {
             said.dedup();
             // What has a reason first.
             said.sort_by_key(|text| text.starts_with("self-test"));
-            let said = said.iter().map(|text| format!("\"{text}\""));
-            alarms.details.extend(said.take(4));
+            alarms.details.extend(said.iter().map(|text| format!("\"{text}\"")).take(4));
         }
         alarms
     }
@@ -213,8 +212,7 @@ impl Seen<'_> {
 
     /// Steps that worked on no burst.
     fn without_burst(&self, from: Ticks, to: Ticks) -> usize {
-        let steps = self.within(from, to).iter();
-        steps.filter(|step| self.truth.burst_of(step).is_none()).count()
+        self.within(from, to).iter().filter(|step| self.truth.burst_of(step).is_none()).count()
     }
 
     /// Steps that did not come at all.
@@ -227,8 +225,7 @@ impl Seen<'_> {
     fn largest_changes(&self) -> String {
         let mut most = [0; 3];
         for pair in self.truth.bursts.windows(2) {
-            let words = pair[0].words.iter().zip(pair[1].words);
-            for (word, (from, to)) in words.enumerate() {
+            for (word, (from, to)) in pair[0].words.iter().zip(pair[1].words).enumerate() {
                 most[word / 3] = from.abs_diff(to).max(most[word / 3]);
             }
         }

@@ -240,8 +240,7 @@ impl Run<'_> {
             self.alarms.resets += ready.rig.resets().len() - resets;
             asked
         };
-        let said = ready.station.last_text().unwrap_or_default();
-        said.clone_into(&mut self.said);
+        ready.station.last_text().unwrap_or_default().clone_into(&mut self.said);
         asked
     }
 
@@ -309,8 +308,7 @@ impl Run<'_> {
         let is_other = !self.acts.saves(phase) && !self.alarms.is_any() && !is_same(&kept, &now);
         if is_lost || is_other {
             self.alarms.parameters += 1;
-            let what = format!("in flash: {loaded}");
-            self.alarms.details.push(what);
+            self.alarms.details.push(format!("in flash: {loaded}"));
         }
         Ok(())
     }

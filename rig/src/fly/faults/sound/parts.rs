@@ -74,8 +74,7 @@ pub(super) fn draw(
     }
     hardware.push(given.to_owned());
     let hardware = hardware.join(",");
-    let parsed = hardware.parse();
-    setup.rig.hardware = parsed.expect("parts are drawn within their ranges");
+    setup.rig.hardware = hardware.parse().expect("parts are drawn within their ranges");
 
     let errors = errors(dice);
     setup.rig.bench.sensor.errors = errors;
@@ -115,8 +114,7 @@ pub(super) fn draw(
         words += &format!(", {:.0} to {:.0} C in {:.0} s", t.from_c, t.to_c, t.time_constant_s);
     }
     let named = parameters.into_iter();
-    let parameters = named.map(|(name, value)| (name.to_owned(), value as f32));
-    setup.parameters.extend(parameters);
+    setup.parameters.extend(named.map(|(name, value)| (name.to_owned(), value as f32)));
     Parts { words, frame_hz, tilt_rad }
 }
 
