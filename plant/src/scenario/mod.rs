@@ -389,8 +389,6 @@ impl Scenario {
 
 /// Refuses a signal that cannot be evaluated.
 fn check_signal(key: &'static str, signal: &Signal) -> Result<(), ScenarioError> {
-    match signal.problem() {
-        None => Ok(()),
-        Some(problem) => Err(ScenarioError::Key(format!("{key}: {problem}"))),
-    }
+    let refuse = |problem| Err(ScenarioError::Key(format!("{key}: {problem}")));
+    signal.problem().map_or(Ok(()), refuse)
 }

@@ -70,14 +70,13 @@ impl Scenario {
             Input::VoltageV(signal) => {
                 self.run_torque(&loaded, signal, self.setup.drone.motor_n_m_per_v)
             }
-            Input::TorqueLaw(law) => self.run_free(&loaded, &[], |_, x| {
+            Input::TorqueLaw(law) => self.run_free(&loaded, None, |_, x| {
                 let crank = law.crank_kp * (x.crank_rad - zero) + law.crank_kd * x.crank_rate_rad_s;
                 Drive::Torque(-law.kp * x.pitch_rad - law.kd * x.pitch_rate_rad_s - crank)
             }),
             Input::IdealServo(servo) => {
                 let command = angle(&servo.command_rad);
-                let knots: Vec<f64> = command.knots().collect();
-                self.run_free(&loaded, &knots, |time, x| {
+                self.run_free(&loaded, Some(&command), |time, x| {
                     let law = zero + servo.kp * x.pitch_rad + servo.kd * x.pitch_rate_rad_s;
                     let error = law + command.value(time) - x.crank_rad;
                     let braking = servo.damping * x.crank_rate_rad_s;
@@ -106,15 +105,14 @@ impl Scenario {
         factor: f64,
     ) -> Result<Vec<Row>, ScenarioError> {
         let torque = load(signal);
-        let knots: Vec<f64> = torque.knots().collect();
-        self.run_free(loaded, &knots, |time, _| Drive::Torque(factor * torque.value(time)))
+        self.run_free(loaded, Some(&torque), |time, _| Drive::Torque(factor * torque.value(time)))
     }
 
-    /// Integrates `[th0, th1, w0, v1]`.
+    /// Integrates `[th0, th1, w0, v1]` under a drive that follows an input.
     fn run_free(
         &self,
         loaded: &Loaded,
-        knots: &[f64],
+        input: Option<&Curve>,
         drive: impl Fn(f64, &State) -> Drive,
     ) -> Result<Vec<Row>, ScenarioError> {
         let linkage = *loaded.mechanism.linkage();
@@ -150,7 +148,7 @@ impl Scenario {
             [x[2], x[3], pitch, crank]
         };
         let times = self.times();
-        let knots = knots.iter().copied().chain(loaded.knots());
+        let knots = input.into_iter().flat_map(Curve::knots).chain(loaded.knots());
         let precision = match self.options.crank_stop {
             None => Adaptive::default(),
             Some(_) => AT_A_STOP,

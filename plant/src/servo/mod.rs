@@ -84,10 +84,7 @@ impl Servo {
         self.load_n_m = load_n_m;
         while self.now_s < until_s {
             self.latch();
-            let mut end = until_s;
-            if let Some(next) = self.queue.front() {
-                end = end.min(next.end_s);
-            }
+            let end = self.queue.front().map_or(until_s, |next| until_s.min(next.end_s));
             let pieces = ((end - self.now_s) / INNER_STEP_S - 1e-9).ceil().max(1.0);
             let dt_s = (end - self.now_s) / pieces;
             let start = self.now_s;
@@ -111,8 +108,7 @@ impl Servo {
     /// brings the motor to the speed asked for.
     pub fn current_share(&self) -> f64 {
         let catching_up = self.speed_asked(self.load_n_m) - self.speed_rad_s;
-        let torque = catching_up / self.model.speed_rad_s - self.load_n_m / self.model.stall_n_m;
-        torque.abs()
+        (catching_up / self.model.speed_rad_s - self.load_n_m / self.model.stall_n_m).abs()
     }
 
     /// The crank as it stands.

@@ -158,13 +158,9 @@ impl Pilot {
             }
         }
         let now = rig.now();
-        self.ending.retain(|(due, fault)| {
-            let over = now >= *due;
-            if over {
-                rig.clear(*fault);
-            }
-            !over
-        });
+        for (_, fault) in self.ending.extract_if(.., |(due, _)| now >= *due) {
+            rig.clear(fault);
+        }
         if let Some((_, axis)) = self.check_rudder_at.take_if(|(due, _)| rig.now() >= *due) {
             lines.push(describe(rig.environment.vehicle(), axis));
         }

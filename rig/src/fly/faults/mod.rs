@@ -199,8 +199,8 @@ impl Campaign {
     /// The rig stopped, or the image refuses.
     pub fn new(ready: &Ready, frame_hz: f64, phase: Phase, seed: u64) -> Result<Self, FlightError> {
         let params = reported_parameters(ready)?;
-        let neutral_us = params.axes().iter().map(|axis| (*axis, neutral_us(&params, *axis)));
-        let neutral_us: Vec<_> = neutral_us.collect();
+        let widths = |axis: &Axis| (*axis, neutral_us(&params, *axis));
+        let neutral_us: Vec<_> = params.axes().iter().map(widths).collect();
         let [pitch_rad, roll_rad] = START_RAD;
         let tilt_rad = [pitch_rad, if neutral_us.len() > 1 { roll_rad } else { 0.0 }];
         let watched = Ticks::from_secs_f64(LONGEST_MS / 1e3) + SYSTEM_WATCHED + RESTART;
