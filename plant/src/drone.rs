@@ -13,7 +13,7 @@
 //! reported pitch rate refers to.
 
 use crate::mechanism::{Configuration, Mechanism};
-use crate::parameters::{ParameterError, Parameters};
+use crate::parameters::{Checked, Parameters};
 
 /// Pitch at which the tether's stops hold the drone, either side, in rad.
 pub const TETHER_STOP_RAD: f64 = 1.2;
@@ -56,11 +56,7 @@ impl Drone {
     ///
     /// # Errors
     /// As [`Parameters::validate`].
-    pub fn new(
-        parameters: &Parameters,
-        pitch_rad: f64,
-        rate_rad_s: f64,
-    ) -> Result<Self, ParameterError> {
+    pub fn new(parameters: &Parameters, pitch_rad: f64, rate_rad_s: f64) -> Checked<Self> {
         let mechanism = Mechanism::new(parameters)?;
         let crank = Crank::at_rest(mechanism.linkage().zero_rudder_crank_rad());
         let at = mechanism.configuration(crank.angle_rad);

@@ -83,7 +83,7 @@ pub mod two_axis;
 pub use drone::{Crank, Drone};
 pub use linkage::Linkage;
 pub use mechanism::Mechanism;
-pub use parameters::{ParameterError, Parameters};
+pub use parameters::{Checked, ParameterError, Parameters};
 pub use response::StepResponse;
 pub use servo::{Servo, ServoModel};
 pub use setup::Setup;

@@ -12,7 +12,7 @@
 use nalgebra::Vector2;
 
 use crate::linkage::{Linkage, LinkageState};
-use crate::parameters::{ParameterError, Parameters};
+use crate::parameters::{Checked, Parameters};
 
 /// A vector in the plane, in the frame of body 0.
 pub(crate) type Planar = Vector2<f64>;
@@ -64,7 +64,7 @@ impl Mechanism {
     ///
     /// # Errors
     /// As [`Parameters::validate`].
-    pub fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
+    pub fn new(parameters: &Parameters) -> Checked<Self> {
         parameters.validate()?;
         Ok(Self { parameters: *parameters, linkage: parameters.linkage() })
     }

@@ -93,6 +93,9 @@ pub enum ParameterError {
     NoZeroRudder,
 }
 
+/// What is given where every parameter is in range, or which one is not.
+pub type Checked<T = ()> = Result<T, ParameterError>;
+
 impl Parameters {
     /// The recommended parameters: the total centre of mass lies at the pivot, the crank is the
     /// bare horn, and the rudder trails its axis.
@@ -191,7 +194,7 @@ impl Parameters {
     ///
     /// # Errors
     /// The first parameter out of range, by name, or the linkage if it does not close.
-    pub fn validate(&self) -> Result<(), ParameterError> {
+    pub fn validate(&self) -> Checked {
         positive(&named!(self;
             body_mass_kg, body_inertia_kg_m2, crank_mass_kg, crank_inertia_kg_m2, link_mass_kg,
             link_inertia_kg_m2, rudder_mass_kg, rudder_inertia_kg_m2, crank_length_m,
@@ -242,17 +245,17 @@ macro_rules! named {
 pub(crate) use named;
 
 /// Refuses the first value that is not finite and above zero.
-pub(crate) fn positive(values: &[Named]) -> Result<(), ParameterError> {
+pub(crate) fn positive(values: &[Named]) -> Checked {
     check(values, "finite and greater than zero", |value| value.is_finite() && value > 0.0)
 }
 
 /// Refuses the first value that is not finite or below zero.
-pub(crate) fn not_negative(values: &[Named]) -> Result<(), ParameterError> {
+pub(crate) fn not_negative(values: &[Named]) -> Checked {
     check(values, "finite and not negative", |value| value.is_finite() && value >= 0.0)
 }
 
 /// Refuses the first value that is not finite.
-pub(crate) fn finite(values: &[Named]) -> Result<(), ParameterError> {
+pub(crate) fn finite(values: &[Named]) -> Checked {
     check(values, "finite", f64::is_finite)
 }
 
@@ -260,11 +263,7 @@ pub(crate) fn finite(values: &[Named]) -> Result<(), ParameterError> {
 ///
 /// # Errors
 /// [`ParameterError::OutOfRange`].
-pub fn check(
-    values: &[Named],
-    must: &'static str,
-    good: impl Fn(f64) -> bool,
-) -> Result<(), ParameterError> {
+pub fn check(values: &[Named], must: &'static str, good: impl Fn(f64) -> bool) -> Checked {
     match values.iter().find(|(_, value)| !good(*value)) {
         None => Ok(()),
         Some(&(parameter, value)) => Err(ParameterError::OutOfRange { parameter, value, must }),

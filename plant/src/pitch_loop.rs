@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::drone::{Crank, Drone};
 use crate::linkage::Linkage;
-use crate::parameters::{ParameterError, Parameters, check, finite, named, not_negative, positive};
+use crate::parameters::{Checked, Parameters, check, finite, named, not_negative, positive};
 use crate::response::{ResponseError, StepResponse};
 use crate::servo::{Servo, ServoModel};
 
@@ -91,7 +91,7 @@ impl Timing {
     ///
     /// # Errors
     /// The first time out of range, by name.
-    pub fn validate(&self) -> Result<(), ParameterError> {
+    pub fn validate(&self) -> Checked {
         positive(&named!(self; step_s, control_s, frame_s))?;
         // What the sensor has seen is kept for as many steps as its delay has.
         check(&named!(self; step_s), "0.00001 s or more", |value| value >= SHORTEST_STEP_S)?;
@@ -227,7 +227,7 @@ impl PitchLoop {
         timing: Timing,
         pitch_rad: f64,
         rate_rad_s: f64,
-    ) -> Result<Self, ParameterError> {
+    ) -> Checked<Self> {
         model.validate()?;
         timing.validate()?;
         finite(&named!(pitch_rad, rate_rad_s))?;

@@ -19,7 +19,7 @@ mod motor;
 use serde::{Deserialize, Serialize};
 
 pub use self::motor::{Motor, MotorError, ThrustCurve};
-use crate::parameters::{ParameterError, finite, named, positive};
+use crate::parameters::{Checked, finite, named, positive};
 
 /// Density of air at sea level, in kg/m3.
 const SEA_LEVEL_KG_M3: f64 = 1.225;
@@ -102,7 +102,7 @@ impl RocketParameters {
     ///
     /// # Errors
     /// The first figure out of range, by name.
-    pub fn validate(&self) -> Result<(), ParameterError> {
+    pub fn validate(&self) -> Checked {
         positive(&named!(self;
             thrust_n, dry_mass_kg, propellant_kg, burn_s, dry_cm_m, dry_inertia_kg_m2, column_m,
             diameter_m, scale_height_m, gimbal_limit_rad, gimbal_rate_rad_s, gimbal_hz,
@@ -212,7 +212,7 @@ impl Rocket {
     ///
     /// # Errors
     /// As [`RocketParameters::validate`].
-    pub fn new(parameters: &RocketParameters) -> Result<Self, ParameterError> {
+    pub fn new(parameters: &RocketParameters) -> Checked<Self> {
         parameters.validate()?;
         let p = parameters;
         let area = p.area_m2();

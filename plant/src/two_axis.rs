@@ -38,7 +38,7 @@ pub use self::parameters::TwoAxisParameters;
 use self::shape::{Body, Shape};
 use crate::drone::{Crank, TETHER_STOP_RAD};
 use crate::mechanism::Mechanism;
-use crate::parameters::ParameterError;
+use crate::parameters::Checked;
 use crate::tilt;
 
 /// Orientation and momentum.
@@ -83,7 +83,7 @@ impl TwoAxisDrone {
         parameters: &TwoAxisParameters,
         attitude: UnitQuaternion<f64>,
         rates_rad_s: [f64; 3],
-    ) -> Result<Self, ParameterError> {
+    ) -> Checked<Self> {
         let (mechanism, body) = parameters.checked()?;
         let cranks = [Crank::at_rest(mechanism.linkage().zero_rudder_crank_rad()); 2];
         let shape = Shape::at(&mechanism, &body, cranks.map(|crank| crank.angle_rad));

@@ -40,7 +40,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 pub use self::parameters::AscentParameters;
 use self::wind::Air;
 pub use self::wind::{Gust, Turbulence, Wind};
-use crate::parameters::ParameterError;
+use crate::parameters::Checked;
 use crate::rocket::{GRAVITY_M_S2, MassProperties, RocketParameters};
 use crate::tilt;
 
@@ -108,10 +108,7 @@ impl Ascent {
     ///
     /// # Errors
     /// As [`AscentParameters::validate`].
-    pub fn new(
-        parameters: &AscentParameters,
-        attitude: UnitQuaternion<f64>,
-    ) -> Result<Self, ParameterError> {
+    pub fn new(parameters: &AscentParameters, attitude: UnitQuaternion<f64>) -> Checked<Self> {
         parameters.validate()?;
         Ok(Self {
             parameters: *parameters,

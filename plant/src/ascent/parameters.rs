@@ -1,7 +1,7 @@
 //! The figures of a rocket that ascends.
 
 use super::wind::Wind;
-use crate::parameters::{ParameterError, finite, named, not_negative, positive};
+use crate::parameters::{Checked, finite, named, not_negative, positive};
 use crate::rocket::RocketParameters;
 
 /// The figures of the rocket's ascent. Positions in the rocket count from its gimbal, along the
@@ -47,7 +47,7 @@ impl AscentParameters {
     ///
     /// # Errors
     /// The first figure out of range, by name.
-    pub fn validate(&self) -> Result<(), ParameterError> {
+    pub fn validate(&self) -> Checked {
         self.rocket.validate()?;
         positive(&named!(self; axial_gyration_m))?;
         not_negative(&named!(self; rail_m))?;

@@ -5,7 +5,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-use crate::parameters::{ParameterError, finite, named, not_negative, positive};
+use crate::parameters::{Checked, finite, named, not_negative, positive};
 
 /// Velocity of the air, north-east-down.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -47,7 +47,7 @@ impl Wind {
     ///
     /// # Errors
     /// The first figure out of range, by name.
-    pub fn validate(&self) -> Result<(), ParameterError> {
+    pub fn validate(&self) -> Checked {
         finite(&named!(self; steady_m_s[0], steady_m_s[1], steady_m_s[2]))?;
         if let Some(gust) = &self.gust {
             finite(&named!(gust; from_m, peak_m_s[0], peak_m_s[1], peak_m_s[2]))?;

@@ -29,7 +29,7 @@ use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::parameters::ParameterError;
+use crate::parameters::Checked;
 use crate::pitch_loop::{Measurement, PitchLoop, Sample, Timing};
 use crate::response::StepResponse;
 use crate::setup::Setup;
@@ -214,7 +214,7 @@ impl Draw {
         seconds: f64,
         mut law: impl FnMut(Measurement) -> f64,
         mut watch: impl FnMut(&Sample),
-    ) -> Result<(), ParameterError> {
+    ) -> Checked {
         let setup = self.setup(nominal);
         let rate = START_RATE_RAD_S * self.start_rad.signum();
         let mut sim =
@@ -306,7 +306,7 @@ pub fn fly<L>(
     chosen: impl Fn(&Draw) -> bool,
     law: impl Fn(&Timing) -> L + Sync,
     done: impl Fn() + Sync,
-) -> Result<Vec<Outcome>, ParameterError>
+) -> Checked<Vec<Outcome>>
 where
     L: FnMut(Measurement) -> f64,
 {

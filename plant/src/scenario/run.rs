@@ -19,6 +19,9 @@ const LEAST_TRANSMISSION: f64 = 0.02;
 /// the jump falls only in proportion to the step, so that the tolerance must leave it some length.
 const AT_A_STOP: Adaptive = Adaptive { relative: 1e-9, absolute: 1e-10, max_step_s: 0.02 };
 
+/// The rows of a run, or why there are none.
+type Rows = Result<Vec<Row>, ScenarioError>;
+
 /// What moves the crank at an instant.
 enum Drive {
     /// A torque, in N m.
@@ -98,12 +101,7 @@ impl Scenario {
     }
 
     /// Free crank under a torque over time.
-    fn run_torque(
-        &self,
-        loaded: &Loaded,
-        signal: &Signal,
-        factor: f64,
-    ) -> Result<Vec<Row>, ScenarioError> {
+    fn run_torque(&self, loaded: &Loaded, signal: &Signal, factor: f64) -> Rows {
         let torque = load(signal);
         self.run_free(loaded, Some(&torque), |time, _| Drive::Torque(factor * torque.value(time)))
     }
@@ -114,7 +112,7 @@ impl Scenario {
         loaded: &Loaded,
         input: Option<&Curve>,
         drive: impl Fn(f64, &State) -> Drive,
-    ) -> Result<Vec<Row>, ScenarioError> {
+    ) -> Rows {
         let linkage = *loaded.mechanism.linkage();
         let start = State {
             pitch_rad: self.start.pitch_rad,
@@ -179,7 +177,7 @@ impl Scenario {
     }
 
     /// Prescribed crank: pitch and momentum are integrated.
-    fn run_prescribed(&self, loaded: &Loaded, crank: &Curve) -> Result<Vec<Row>, ScenarioError> {
+    fn run_prescribed(&self, loaded: &Loaded, crank: &Curve) -> Rows {
         let times = self.times();
         let linkage = loaded.mechanism.linkage();
         for &time_s in &times {
@@ -218,11 +216,7 @@ impl Scenario {
     }
 
     /// The pulse-driven loop.
-    fn run_loop(
-        &self,
-        mechanism: &Mechanism,
-        servo: &PulseServo,
-    ) -> Result<Vec<Row>, ScenarioError> {
+    fn run_loop(&self, mechanism: &Mechanism, servo: &PulseServo) -> Rows {
         let timing = self.setup.timing;
         let command = angle(&servo.command_rad);
         let mut law = Pd::new(servo.kp, servo.kd, mechanism.linkage(), timing.control_s);
@@ -268,11 +262,7 @@ fn angle(signal: &Signal) -> Curve {
 }
 
 /// Rows of `[th0, th1, w0, v1]`, link and rudder added.
-fn rows(
-    mechanism: &Mechanism,
-    times: &[f64],
-    states: Vec<[f64; 4]>,
-) -> Result<Vec<Row>, ScenarioError> {
+fn rows(mechanism: &Mechanism, times: &[f64], states: Vec<[f64; 4]>) -> Rows {
     times
         .iter()
         .zip(states)

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::parameters::{ParameterError, finite, named, not_negative, positive};
+use crate::parameters::{Checked, finite, named, not_negative, positive};
 
 /// Constants of a servo and of how its horn is fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -88,7 +88,7 @@ impl ServoModel {
     ///
     /// # Errors
     /// The first constant out of range, by name.
-    pub fn validate(&self) -> Result<(), ParameterError> {
+    pub fn validate(&self) -> Checked {
         positive(&named!(self;
             centre_us, resolution_us, speed_rad_s, stall_n_m, loop_s, lag_s, travel_rad,
         ))?;

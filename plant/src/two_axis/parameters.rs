@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::shape::{self, Body};
 use crate::mechanism::Mechanism;
-use crate::parameters::{ParameterError, Parameters, finite, named, positive};
+use crate::parameters::{Checked, ParameterError, Parameters, finite, named, positive};
 
 /// The figures of the drone with two rudders.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +31,7 @@ impl TwoAxisParameters {
     }
 
     /// The mechanism of either axis, and the body without its linkages, both checked.
-    pub(super) fn checked(&self) -> Result<(Mechanism, Body), ParameterError> {
+    pub(super) fn checked(&self) -> Checked<(Mechanism, Body)> {
         positive(&named!(self; axial_inertia_kg_m2))?;
         finite(&named!(self; lateral_cm_m, rotor_momentum_kg_m2_s))?;
         let mechanism = Mechanism::new(&self.one_axis)?;

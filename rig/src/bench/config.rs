@@ -1,7 +1,7 @@
 //! What stands on the bench, as it is chosen.
 
 use plant::two_axis::{TwoAxisDrone, TwoAxisParameters};
-use plant::{Drone, ParameterError, Parameters, ServoModel};
+use plant::{Checked, Drone, Parameters, ServoModel};
 use serde::{Deserialize, Serialize};
 use tvc_nano::Axis;
 
@@ -105,9 +105,7 @@ impl BenchConfig {
 }
 
 /// What stands on the bench, its tilt at power-on, and where its cranks are at zero rudder, rad.
-pub(super) fn hang(
-    bench: &BenchConfig,
-) -> Result<(Vehicle, [f64; Axis::COUNT], f64), ParameterError> {
+pub(super) fn hang(bench: &BenchConfig) -> Checked<(Vehicle, [f64; Axis::COUNT], f64)> {
     match &bench.vehicle {
         VehicleConfig::OneAxis => {
             let drone = Drone::new(&bench.parameters, bench.start_rad, 0.0)?;

@@ -27,7 +27,7 @@ use crate::observe::ground_truth::{GroundTruth, Motion};
 use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
 use crate::observe::waves::Waves;
 use nalgebra::{UnitQuaternion, Vector3};
-use plant::{Crank, ParameterError, Servo};
+use plant::{Checked, Crank, Servo};
 use samd21::board::{Board, I2cEvent, I2cPins, I2cReply, Lines, Pin, Ticks};
 use tvc_nano::Axis;
 
@@ -82,7 +82,7 @@ impl Environment {
     ///
     /// # Errors
     /// Impossible parameters of the drone.
-    pub fn new(bench: &BenchConfig) -> Result<Self, ParameterError> {
+    pub fn new(bench: &BenchConfig) -> Checked<Self> {
         let (mut vehicle, tilt_rad, zero_rad) = hang(bench)?;
         let clamp = Clamp::closed(&mut vehicle, tilt_rad);
         let model = bench.servo.fitted(ZERO_RUDDER_US, zero_rad, bench.horn_error_rad);

@@ -1,7 +1,7 @@
 //! A rocket on its pad, along its rail and in flight, in place of the drone.
 
 use nalgebra::UnitQuaternion;
-use plant::ParameterError;
+use plant::Checked;
 use plant::ascent::{Ascent, AscentParameters};
 use tvc_nano::Axis;
 
@@ -41,10 +41,7 @@ impl Rocket {
     ///
     /// # Errors
     /// Parameters out of range.
-    pub fn new(
-        config: &RocketConfig,
-        attitude: UnitQuaternion<f64>,
-    ) -> Result<Self, ParameterError> {
+    pub fn new(config: &RocketConfig, attitude: UnitQuaternion<f64>) -> Checked<Self> {
         Ok(Self {
             ascent: Ascent::new(&config.parameters, attitude)?,
             kicks: config.kicks.clone(),
