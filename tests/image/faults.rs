@@ -55,7 +55,9 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     let texts = station.received().texts.len();
     let at = rig.now();
     rig.inject(fault);
-    station.run(rig, ms(1000)).unwrap();
+    station.run(rig, ms(250)).unwrap();
+    let texts_in_time = station.received().texts.len();
+    station.run(rig, ms(750)).unwrap();
 
     // From 100 ms on, every pulse is neutral.
     let pulses = rig.truth().pulses_since(at);
@@ -67,13 +69,12 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
             pulse.width_us()
         );
     }
-    // State and reason have arrived.
+    // State and reason have arrived, the reason within 250 ms.
     assert_eq!(station.state(), Some(StateKind::Failsafe), "{fault:?}");
-    let told = &station.received().texts[texts..];
+    let told = &station.received().texts[texts..texts_in_time];
     let reason = told.iter().find(|t| t.starts_with("failsafe"));
     let reason = reason.unwrap_or_else(|| panic!("{fault:?}: {told:?}"));
     assert!(reason.contains(word), "{fault:?}: {reason}");
-    assert!(reason.at < at + ms(250), "{fault:?}: told after {}", reason.at - at);
     // While the fault lasts there is no way out, and never one straight to active.
     assert!(matches!(
         station.arm(rig),
