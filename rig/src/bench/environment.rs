@@ -236,8 +236,8 @@ impl Environment {
         self.sensor.set_errors(temperature.map_or(errors, |temperature| temperature.of(errors)));
     }
 
-    /// The chip has been reset: what has begun on the bus and at the probe pin is forgotten. What its
-    /// pins do then it says itself.
+    /// The chip has been reset: what has begun on the bus and at the probe pin is forgotten. What
+    /// its pins do then it says itself.
     pub fn chip_reset(&mut self) {
         self.analyzer = LogicAnalyzer::default();
     }
