@@ -36,6 +36,7 @@ pub mod observe;
 pub mod random;
 mod received;
 mod rig;
+mod wiring;
 
 pub use bench::{disturbance, sensor_motion};
 pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, fly_at_once, prepare};

@@ -7,7 +7,7 @@ pub mod chip;
 mod core;
 /// Instructions, decoded: for whoever examines an image without running it.
 pub mod code {
-    pub use crate::core::decode::{Instruction, NOBODY, Operation, ZERO, high_fields};
+    pub use crate::memory::decode::{Instruction, NOBODY, Operation, ZERO, high_fields};
 }
 pub mod fault;
 pub mod memory;

@@ -5,10 +5,12 @@
 //! auxiliary rows (0x0080_0000 and up) as well. SRAM starts with noise, as after power-on, so
 //! that code does not get by with zeros that it never wrote.
 
+pub(crate) mod decode;
+
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::core::Code;
+use self::decode::Code;
 
 /// Bytes of main flash, from address 0.
 pub const FLASH_SIZE: u32 = 0x4_0000;

@@ -13,8 +13,8 @@ mod rocket;
 pub mod sensor_motion;
 mod stimulus;
 mod vehicle;
-mod wiring;
 
+pub use crate::wiring::Wiring;
 pub use config::{BenchConfig, TwoAxes, VehicleConfig};
 pub use earth_field::EarthField;
 pub use environment::{Environment, ZERO_RUDDER_US};
@@ -24,4 +24,3 @@ pub use knock::Knock;
 pub use magnet::Magnet;
 pub use rocket::{Kick, Rocket, RocketConfig};
 pub use vehicle::Vehicle;
-pub use wiring::Wiring;

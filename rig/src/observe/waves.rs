@@ -6,7 +6,7 @@
 //! of the clock and a high half, and data change within the low half. Between two bytes master or
 //! sensor hold the clock low. Lines that a fault holds low are not shown.
 
-use crate::bench::Wiring;
+use crate::wiring::Wiring;
 use samd21::board::{I2cEvent, I2cReply, Pin, Ticks};
 use std::io;
 use vcd::{IdCode, SimulationCommand, TimescaleUnit, Value};

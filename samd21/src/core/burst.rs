@@ -5,10 +5,10 @@
 //! fetched twice; the second fetch hits the cache and costs nothing.
 
 use super::access::{Ram, block, read, word, write};
-use super::decode::{Instruction, Operation};
 use super::execute::bits;
 use super::flags::{CONDITIONS, RULES};
 use super::{Core, FLASH_LINES, LR, REGISTERS, SP, TRAIL};
+use crate::memory::decode::{Instruction, Operation};
 use crate::memory::{FLASH_SIZE, Memory, RAM_BASE};
 
 /// No line of the flash.

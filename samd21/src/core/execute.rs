@@ -17,13 +17,13 @@
 //! (MSR to an unknown register, an empty register list). Elsewhere it is taken as the obvious thing
 //! (CMP of two low registers in the high-register form).
 
-use super::decode::{Instruction, Operation, high_fields};
 use super::exception::RETURN_CYCLES;
 use super::flags::Flags;
 use super::system_control::SCR_SLEEPDEEP;
 use super::{Core, LR, Outcome, PC, SP, Sleep, Trap, undefined};
 use crate::bus::Bus;
 use crate::fault::FaultKind;
+use crate::memory::decode::{Instruction, Operation, high_fields};
 
 impl Core {
     /// Executes the instruction at `pc`, one that `burst` leaves out, and returns its cycles.

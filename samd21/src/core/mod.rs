@@ -10,7 +10,6 @@
 
 mod access;
 mod burst;
-pub(crate) mod decode;
 mod exception;
 mod execute;
 mod flags;
@@ -24,7 +23,6 @@ pub use self::nvic::EXCEPTIONS;
 pub use self::profile::Profile;
 pub use self::view::{Counters, Registers, Stop};
 
-pub(crate) use self::decode::Code;
 use self::flags::Flags;
 use self::nvic::Nvic;
 use self::systick::SysTick;

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use crate::memory::{FLASH_SIZE, filled};
+use super::{FLASH_SIZE, filled};
 
 /// What an instruction does, and with which of its fields: registers `a`, `b`, `c` and `imm`.
 ///
@@ -353,7 +353,7 @@ impl Code {
 
     /// The instruction at an even address, if that is in flash.
     #[inline(always)]
-    pub(super) fn at(&self, pc: u32) -> Option<&Instruction> {
+    pub(crate) fn at(&self, pc: u32) -> Option<&Instruction> {
         self.0.get(pc as usize / 2)
     }
 }
