@@ -265,7 +265,7 @@ fn rocket_of(
         [("SPICA", RocketParameters::SPICA), ("SPICA_UNSTABLE", RocketParameters::SPICA_UNSTABLE)];
     let rocket = section(file, "rocket", None, &presets)?;
     let rocket = RocketParameters { curve: motor.map(|motor| motor.curve), ..rocket };
-    let mounting = Mounting { sensor_m: [0.0, 0.0, -rocket.dry_cm_m], shaft_per_gimbal: 6.0 };
+    let mounting = Mounting { sensor_m: [0.0, 0.0, -rocket.dry_cm_m], ..Mounting::SPICA };
     let mounting = section(file, "mounting", Some(mounting), &[])?;
     let spica = [("SPICA", Conditions::SPICA)];
     let conditions = section(file, "conditions", Some(Conditions::CALM), &spica)?;

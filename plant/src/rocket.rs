@@ -70,6 +70,8 @@ pub struct RocketParameters {
     pub gimbal_rate_rad_s: f64,
     /// Bandwidth of the gimbal's first-order lag, in Hz.
     pub gimbal_hz: f64,
+    /// First bending mode, in Hz. The model leaves it out; it bounds the gains.
+    pub bending_hz: f64,
 }
 
 impl RocketParameters {
@@ -93,6 +95,7 @@ impl RocketParameters {
         gimbal_limit_rad: 5.0 * std::f64::consts::PI / 180.0,
         gimbal_rate_rad_s: 30.0 * std::f64::consts::PI / 180.0,
         gimbal_hz: 5.0,
+        bending_hz: 6.0,
     };
 
     /// Spica with an unstable airframe: half the aerodynamic moment, of the other sign.
@@ -106,6 +109,7 @@ impl RocketParameters {
         positive(&named!(self;
             thrust_n, dry_mass_kg, propellant_kg, burn_s, dry_cm_m, dry_inertia_kg_m2, column_m,
             diameter_m, scale_height_m, gimbal_limit_rad, gimbal_rate_rad_s, gimbal_hz,
+            bending_hz,
         ))?;
         finite(&named!(self; column_base_m, normal_force_slope, static_margin, drag))
     }

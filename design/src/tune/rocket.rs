@@ -23,9 +23,10 @@ const SEEDS: std::ops::Range<u64> = 10_001..10_005;
 const EFFECTS: [f64; 3] = [1.0, 0.7, 1.6];
 /// What gains cost that the image refuses.
 const REFUSED: f64 = 1e3;
-/// Highest crossover of the rate's loop at any time of the burn, rad/s: a sixth of the first
-/// bending mode of a rocket like this (some 6 Hz, an estimate), which the model leaves out.
-const CROSSOVER_RAD_S: f64 = 6.0;
+
+/// Highest crossover of the rate's loop at any time of the burn, rad/s for each Hz of the first
+/// bending mode, which the model leaves out: nearly a sixth of it.
+const CROSSOVER_RAD_S_PER_HZ: f64 = 1.0;
 
 /// Finds both for each airframe and compares them. A file gets all parameters of its image.
 pub fn run(options: &Tune, airframes: Vec<Airframe>) -> Result<Verdict> {
@@ -152,7 +153,7 @@ fn cost(airframe: &Airframe, law: Law) -> f64 {
         f64::from(gains.kd) * table.at(at_s).mu_c
     };
     let highest = airframe.rows_s().map(crossover).into_iter().fold(0.0, f64::max);
-    if highest > CROSSOVER_RAD_S {
+    if highest > CROSSOVER_RAD_S_PER_HZ * airframe.rocket().bending_hz {
         return highest;
     }
     let mut flown = airframe.clone();

@@ -128,6 +128,13 @@ pub struct Mounting {
     pub shaft_per_gimbal: f64,
 }
 
+impl Mounting {
+    /// That of Spica: the sensor is 9 m above the gimbal, of which 5 deg are 30 deg, 300 us of
+    /// pulse.
+    pub const SPICA: Self =
+        Self { sensor_m: AscentParameters::SPICA.sensor_m, shaft_per_gimbal: 6.0 };
+}
+
 /// A rocket as its image is told of it, and what it meets.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Airframe {
@@ -151,11 +158,7 @@ impl Airframe {
         Self {
             name: "stable".to_owned(),
             parameters: AscentParameters::SPICA,
-            mounting: Mounting {
-                sensor_m: AscentParameters::SPICA.sensor_m,
-                // 5 deg of gimbal are 30 deg, 300 us of pulse.
-                shaft_per_gimbal: 6.0,
-            },
+            mounting: Mounting::SPICA,
             conditions: Conditions::SPICA,
             // As `tvc tune --vehicle rocket` found them.
             design: Design::STABLE,
