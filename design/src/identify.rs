@@ -70,8 +70,8 @@ pub struct Identify {
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
     pub servo: ServoKind,
 
-    /// The nominal drone: drone, or a file (docs/guides/vehicles.md).
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = "drone")]
+    /// The nominal drone: drone, or a FILE.toml (docs/guides/vehicles.md).
+    #[arg(long, default_value = "drone")]
     pub vehicle: VehicleChoice,
 
     /// Where to write the drone with the estimates, as a vehicle's file.

@@ -65,8 +65,8 @@ count the sensor's delay, the rate's filter, half a control period, the hold of 
 pulse and the servo's lag. Deadband, backlash and the speed limit have no linear part.
 Exit status: 0 done, 1 something failed, 2 unusable input.")]
 pub struct Linear {
-    /// The drone: drone, or a file (docs/guides/vehicles.md).
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = "drone")]
+    /// The drone: drone, or a FILE.toml.
+    #[arg(long, default_value = "drone")]
     pub vehicle: VehicleChoice,
 
     /// Its masses and lengths: PHYS, THESIS_TABLE or THESIS_TEXT [default: PHYS].
@@ -125,8 +125,8 @@ pub struct WhatIf {
     #[arg(long = "param", value_name = "NAME=VALUE", value_parser = parameter)]
     pub parameters: Vec<(String, f32)>,
 
-    /// The drone: drone, or a file, such as `tvc identify` writes (docs/guides/vehicles.md).
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = "drone")]
+    /// The drone: drone, or a FILE.toml such as `tvc identify` writes.
+    #[arg(long, default_value = "drone")]
     pub vehicle: VehicleChoice,
 
     /// Print one JSON object on standard output and nothing else there.

@@ -74,8 +74,8 @@ pub struct MonteCarlo {
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
     pub servo: ServoKind,
 
-    /// The nominal drone: drone, or a file (docs/guides/vehicles.md).
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = "drone")]
+    /// The nominal drone: drone, or a FILE.toml (docs/guides/vehicles.md).
+    #[arg(long, default_value = "drone")]
     pub vehicle: VehicleChoice,
 
     /// Firmware parameters in place of the shipped ones, as `tvc tune` and `tvc param dump` write

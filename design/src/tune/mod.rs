@@ -50,8 +50,8 @@ Examples:
 Exit status: 0 every requirement met, 1 one missed, 2 unusable input.")]
 pub struct Tune {
     /// What is to be flown: drone (its gains are those of both axes of drone2), rocket with PID
-    /// gains that follow its burn, or a file (docs/guides/vehicles.md).
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = "drone")]
+    /// gains that follow its burn, or a FILE.toml (docs/guides/vehicles.md).
+    #[arg(long, default_value = "drone")]
     pub vehicle: VehicleChoice,
 
     /// The servo, with the frame rate that suits it.

@@ -74,9 +74,9 @@ pub struct RigChoice {
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
     pub servo: ServoKind,
 
-    /// What hangs on the rig: drone (one rudder), drone2 (two), rocket, or a file
+    /// What hangs on the rig: drone (one rudder), drone2 (two), rocket or a FILE.toml
     /// (docs/guides/vehicles.md).
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = "drone")]
+    #[arg(long, default_value = "drone")]
     pub vehicle: VehicleChoice,
 
     /// Seed of all that is random: sensor noise and bias, clock phases.

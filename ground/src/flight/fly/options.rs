@@ -40,13 +40,8 @@ pub struct Fly {
     #[arg(long, value_enum, default_value_t = ServoKind::S3003, hide_possible_values = true)]
     pub servo: ServoKind,
 
-    /// Vehicle: drone (one rudder), drone2 (two), rocket, or a file (docs/guides/vehicles.md).
-    #[arg(
-        long,
-        value_name = "NAME|FILE.toml",
-        default_value = "drone",
-        conflicts_with = "recording"
-    )]
+    /// Vehicle: drone (one rudder), drone2 (two), rocket or FILE.toml.
+    #[arg(long, default_value = "drone", conflicts_with = "recording")]
     pub vehicle: VehicleChoice,
 
     /// Seed of sensor noise and bias, and of clock phases.
