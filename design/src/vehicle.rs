@@ -7,7 +7,7 @@ use anyhow::{Result, anyhow, bail};
 use plant::pitch_loop::Timing;
 use plant::rocket::{Motor, RocketParameters};
 use plant::setup::{SetupError, section};
-use plant::{ParameterError, Parameters, ServoModel, Setup};
+use plant::{Parameters, ServoModel, Setup};
 use rig::bench::{TwoAxes, VehicleConfig};
 use rig::rocket::{self, Airframe, Conditions, Mounting, RocketLaw};
 use rig::{RigConfig, ServoKind};
@@ -226,41 +226,10 @@ fn rocket_of(
     name: &str,
     read: impl Fn(&str) -> Result<String>,
 ) -> Result<Airframe> {
-    let refuse = |message: String| SetupError::Key { table: "rocket", message };
-    let mut motor = None;
-    if let Some(Value::Table(table)) = file.get_mut("rocket") {
-        let known = |motor: Motor, table: &mut Table| {
-            for (key, value) in [("thrust_n", motor.thrust_n), ("burn_s", motor.burn_s)] {
-                if table.insert(key.to_owned(), value.into()).is_some() {
-                    let message =
-                        format!("{key} stands there, and a motor or thrust_curve gives it");
-                    return Err(refuse(message));
-                }
-            }
-            Ok(motor)
-        };
-        motor = match (table.remove("motor"), table.remove("thrust_curve")) {
-            (None, None) => None,
-            (Some(Value::String(path)), None) => {
-                let (motor, propellant_kg) = Motor::parse_rasp(&read(&path)?)
-                    .map_err(|error| refuse(format!("{path}: {error}")))?;
-                table.entry("propellant_kg").or_insert(propellant_kg.into());
-                Some(known(motor, table)?)
-            }
-            (None, Some(points)) => {
-                let points: Vec<[f64; 2]> = points
-                    .try_into()
-                    .map_err(|_| refuse("thrust_curve is a list of points [s, N]".into()))?;
-                let motor = Motor::new(&points).map_err(|error| refuse(error.to_string()))?;
-                Some(known(motor, table)?)
-            }
-            _ => {
-                return Err(
-                    refuse("motor names a file, and thrust_curve stands alone".into()).into()
-                );
-            }
-        };
-    }
+    let motor = match file.get_mut("rocket") {
+        Some(Value::Table(table)) => take_motor(table, read)?,
+        _ => None,
+    };
     let presets =
         [("SPICA", RocketParameters::SPICA), ("SPICA_UNSTABLE", RocketParameters::SPICA_UNSTABLE)];
     let rocket = section(file, "rocket", None, &presets)?;
@@ -269,8 +238,40 @@ fn rocket_of(
     let mounting = section(file, "mounting", Some(mounting), &[])?;
     let spica = [("SPICA", Conditions::SPICA)];
     let conditions = section(file, "conditions", Some(Conditions::CALM), &spica)?;
-    Ok(Airframe::new(name.to_owned(), rocket, mounting, conditions)
-        .map_err(|error: ParameterError| refuse(error.to_string()))?)
+    let airframe = Airframe::new(name.to_owned(), rocket, mounting, conditions);
+    airframe.map_err(|error| refused(error.to_string()))
+}
+
+/// Takes the motor out of a `[rocket]` and puts its thrust, burn and propellant in: `motor` names a
+/// RASP file, which `read` reads; `thrust_curve` has points.
+fn take_motor(table: &mut Table, read: impl Fn(&str) -> Result<String>) -> Result<Option<Motor>> {
+    let motor = match (table.remove("motor"), table.remove("thrust_curve")) {
+        (None, None) => return Ok(None),
+        (Some(Value::String(path)), None) => {
+            let (motor, propellant_kg) = Motor::parse_rasp(&read(&path)?)
+                .map_err(|error| refused(format!("{path}: {error}")))?;
+            table.entry("propellant_kg").or_insert(propellant_kg.into());
+            motor
+        }
+        (None, Some(points)) => {
+            let points: Vec<[f64; 2]> = points
+                .try_into()
+                .map_err(|_| refused("thrust_curve is a list of points [s, N]".into()))?;
+            Motor::new(&points).map_err(|error| refused(error.to_string()))?
+        }
+        _ => return Err(refused("motor names a file, and thrust_curve stands alone".into())),
+    };
+    for (key, value) in [("thrust_n", motor.thrust_n), ("burn_s", motor.burn_s)] {
+        if table.insert(key.to_owned(), value.into()).is_some() {
+            let message = format!("{key} stands there, and a motor or thrust_curve gives it");
+            return Err(refused(message));
+        }
+    }
+    Ok(Some(motor))
+}
+
+fn refused(message: String) -> anyhow::Error {
+    SetupError::Key { table: "rocket", message }.into()
 }
 
 #[cfg(test)]
