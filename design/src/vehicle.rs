@@ -156,7 +156,10 @@ pub struct Vehicle {
 impl Vehicle {
     /// Reads a vehicle's file; what it leaves out of a drone is as in `base`. A motor's file is
     /// read by `read`.
-    fn parse(
+    ///
+    /// # Errors
+    /// What is wrong with the file, or a motor's file that cannot be read.
+    pub fn parse(
         text: &str,
         name: &str,
         base: Setup,
@@ -337,6 +340,7 @@ mod tests {
             (spica("burn = 3"), "unknown field"),
             (spica("drag = \"a lot\""), "expected f64"),
             (spica("burn_s = -3"), "burn_s is -3"),
+            (spica("burn_s = 1e9"), "at most 600"),
             (spica("[mounting]\nshaft_per_gimbal = 0"), "shaft_per_gimbal is 0"),
             (spica("[conditions]\nwind_m_s = inf"), "steady_m_s"),
             (spica("[conditions]\nkick_rad_s = 9"), "kick_rad_s is 9"),

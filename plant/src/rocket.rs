@@ -19,7 +19,7 @@ mod motor;
 use serde::{Deserialize, Serialize};
 
 pub use self::motor::{Motor, MotorError, ThrustCurve};
-use crate::parameters::{Checked, finite, named, positive};
+use crate::parameters::{Checked, check, finite, named, positive};
 
 /// Density of air at sea level, in kg/m3.
 const SEA_LEVEL_KG_M3: f64 = 1.225;
@@ -111,6 +111,8 @@ impl RocketParameters {
             diameter_m, scale_height_m, gimbal_limit_rad, gimbal_rate_rad_s, gimbal_hz,
             bending_hz,
         ))?;
+        // Its ascent is kept in steps.
+        check(&named!(self; burn_s), "at most 600", |burn_s| burn_s <= 600.0)?;
         finite(&named!(self; column_base_m, normal_force_slope, static_margin, drag))
     }
 

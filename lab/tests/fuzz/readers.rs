@@ -168,17 +168,13 @@ pub const READERS: &[Reader] = &[
         sources: &["design/src/model/simulate.rs", "plant/src/scenario/mod.rs"],
     },
     Reader {
-        name: "drone",
-        corpus: "drone",
+        name: "vehicle-file",
+        corpus: "vehicle-file",
         form: Form::Text,
         own_bytes: 4 * MIB,
         times: 100,
-        read: files::drone,
-        sources: &[
-            "plant/src/setup.rs",
-            "design/src/control_law.rs",
-            "design/src/model/linear/mod.rs",
-        ],
+        read: files::vehicle_file,
+        sources: &["plant/src/setup.rs", "plant/src/rocket/motor.rs", "design/src/vehicle.rs"],
     },
     Reader {
         name: "case",

@@ -4,12 +4,15 @@ use std::str::FromStr;
 
 use plant::Setup;
 use plant::pitch_loop::PitchLoop;
+use plant::rocket::Motor;
 use plant::scenario::Scenario;
+use rig::RigConfig;
 use rig::action::Action;
 use rig::bench::Hardware;
 
 use super::{Outcome, expect};
 use design::montecarlo::Case;
+use design::vehicle::Vehicle;
 use flights::param_file;
 use ground::config::Config;
 use ground::flight::fly::faults;
@@ -58,10 +61,15 @@ pub fn scenario(bytes: &[u8], number: u64) -> Outcome {
     Ok(())
 }
 
-pub fn drone(bytes: &[u8], _: u64) -> Outcome {
-    let Ok(Ok(setup)) = str::from_utf8(bytes).map(Setup::parse) else {
-        return Ok(());
-    };
+pub fn vehicle_file(bytes: &[u8], _: u64) -> Outcome {
+    let Ok(text) = str::from_utf8(bytes) else { return Ok(()) };
+    // A motor's file may hold anything, too.
+    let motor = |_: &str| Ok(text.to_owned());
+    let _ = Motor::parse_rasp(text);
+    if let Ok(vehicle) = Vehicle::parse(text, "vehicle", Setup::default(), motor) {
+        let _ = vehicle.hang(&mut RigConfig::default());
+    }
+    let Ok(setup) = Setup::parse(text) else { return Ok(()) };
     let again = Setup::parse(&setup.to_toml());
     expect(again.as_ref() == Ok(&setup), "what it writes is not what it reads")?;
     let Setup { drone, servo, timing } = setup;
