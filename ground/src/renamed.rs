@@ -26,9 +26,9 @@ const COMMANDS: [(&[&str], &[&str]); 5] = [
     (&["montecarlo", "replay"], &["montecarlo", "rerun"]),
 ];
 
-/// Options that have another name: the command, the old and the new one, and the end of the values
-/// that are meant where the old name has another meaning now.
-const OPTIONS: [(&[&str], &str, &str, &str); 14] = [
+/// Options that have another name: the command, or none for all, the old and the new one, and the
+/// end of the values that are meant where the old name has another meaning now.
+const OPTIONS: [(&[&str], &str, &str, &str); 8] = [
     (&["fly"], "--replay", "--recording", ""),
     (&["montecarlo"], "--params", "--vehicle", ".toml"),
     (&["montecarlo"], "--gains", "--params", ""),
@@ -36,13 +36,7 @@ const OPTIONS: [(&[&str], &str, &str, &str); 14] = [
     (&["tune"], "--from", "--params", ""),
     (&["identify"], "--params", "--vehicle", ""),
     (&["model", "linear"], "--params", "--vehicle", ""),
-    (&["fly"], "--drone", "--vehicle", ""),
-    (&["rig"], "--drone", "--vehicle", ""),
-    (&["montecarlo"], "--drone", "--vehicle", ""),
-    (&["tune"], "--drone", "--vehicle", ""),
-    (&["identify"], "--drone", "--vehicle", ""),
-    (&["model", "linear"], "--drone", "--vehicle", ""),
-    (&["model", "what-if"], "--drone", "--vehicle", ""),
+    (&[], "--drone", "--vehicle", ""),
 ];
 
 /// Where a command went that `tvc` does not know.

@@ -24,7 +24,7 @@ use crate::parameters::{Checked, check, finite, named, positive};
 /// Density of air at sea level, in kg/m3.
 const SEA_LEVEL_KG_M3: f64 = 1.225;
 /// Gravity, in m/s2.
-pub(crate) const GRAVITY_M_S2: f64 = 9.81;
+pub const GRAVITY_M_S2: f64 = 9.81;
 /// Step of the ascent, in s.
 const ASCENT_STEP_S: f64 = 0.01;
 /// The gimbal's effect counts at least as with so much of the mean thrust: at both ends of a thrust

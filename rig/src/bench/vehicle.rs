@@ -2,14 +2,12 @@
 //! rocket on its pad.
 
 use nalgebra::{UnitQuaternion, Vector3};
+use plant::rocket::GRAVITY_M_S2;
 use plant::two_axis::TwoAxisDrone;
 use plant::{Crank, Drone};
 use tvc_nano::Axis;
 
 use super::rocket::Rocket;
-
-/// Gravity at the rocket's pad, m/s2.
-const PAD_GRAVITY_M_S2: f64 = 9.81;
 
 /// A vehicle with a rudder, or a gimbal's actuator, for each axis about which it is steered. Lists
 /// name pitch first, then roll, which is 0 throughout where the drone only pitches.
@@ -54,7 +52,7 @@ impl Vehicle {
         match self {
             Self::Pivot(drone) => drone.mechanism().parameters().gravity_m_s2,
             Self::Joint(drone) => drone.mechanism().parameters().gravity_m_s2,
-            Self::Rocket(_) => PAD_GRAVITY_M_S2,
+            Self::Rocket(_) => GRAVITY_M_S2,
         }
     }
 

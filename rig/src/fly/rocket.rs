@@ -7,7 +7,7 @@
 use plant::ParameterError;
 use plant::ascent::{AscentParameters, Gust, Turbulence, Wind};
 use plant::parameters::check;
-use plant::rocket::{Rocket, RocketParameters};
+use plant::rocket::{GRAVITY_M_S2, Rocket, RocketParameters};
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
@@ -18,9 +18,6 @@ use crate::random::{Stream, generator};
 
 /// A degree, rad.
 const DEG: f64 = PI / 180.0;
-/// Gravity on the pad, m/s2.
-const GRAVITY_M_S2: f64 = 9.81;
-
 /// Least angular acceleration for each radian of Spica's gimbal, 1/s2.
 const SPICA_EFFECT: f64 = 12.3;
 
