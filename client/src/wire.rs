@@ -121,6 +121,11 @@ impl Wire {
         }
     }
 
+    /// Whether `frame` is one whole frame: as long as it says, with the right checksum.
+    pub fn is_whole(frame: &[u8]) -> bool {
+        Self::frame_length(frame) == Some(frame.len()) && is_sound(frame)
+    }
+
     /// The bytes of a message from ground station 255.
     pub fn frame(&mut self, message: &MavMessage) -> Vec<u8> {
         let header = MavHeader { system_id: 255, component_id: 190, sequence: self.sent };
@@ -138,15 +143,23 @@ fn whole(bytes: &[u8]) -> Option<&[u8]> {
     bytes.get(..HEADER + length + CHECKSUM + signature)
 }
 
+/// Whether the checksum of a complete frame is right.
+fn is_sound(frame: &[u8]) -> bool {
+    let end = HEADER + usize::from(frame[1]);
+    let sum = mavlink::calculate_crc(&frame[1..end], MavMessage::extra_crc(message_id(frame)));
+    sum.to_le_bytes() == frame[end..end + CHECKSUM]
+}
+
+fn message_id(frame: &[u8]) -> u32 {
+    u32::from_le_bytes([frame[7], frame[8], frame[9], 0])
+}
+
 fn decode(frame: &[u8]) -> Option<MavMessage> {
-    let length = usize::from(frame[1]);
-    let id = u32::from_le_bytes([frame[7], frame[8], frame[9], 0]);
-    let end = HEADER + length;
-    let sum = mavlink::calculate_crc(&frame[1..end], MavMessage::extra_crc(id));
-    if sum.to_le_bytes() != frame[end..end + CHECKSUM] {
+    if !is_sound(frame) {
         return None;
     }
-    let mut message = MavMessage::parse(MavlinkVersion::V2, id, &frame[HEADER..end]).ok()?;
+    let payload = &frame[HEADER..HEADER + usize::from(frame[1])];
+    let mut message = MavMessage::parse(MavlinkVersion::V2, message_id(frame), payload).ok()?;
     match &mut message {
         MavMessage::STATUSTEXT(said) => make_visible(&mut said.text),
         MavMessage::PARAM_VALUE(told) => make_visible(&mut told.param_id),

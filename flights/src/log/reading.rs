@@ -13,8 +13,8 @@ use report::input;
 
 /// Bytes that are read at a time.
 const PIECE: usize = 64 << 10;
-/// A frame with its time is no longer, bytes.
-const LONGEST: usize = 512;
+/// Bytes by which a frame is judged: its own and those of a frame that begins inside of it.
+const ENOUGH: usize = 1024;
 
 /// Calls `each` with every message of a log, in order; what was counted on the vehicle's side.
 ///
@@ -58,11 +58,10 @@ fn pieces(
         let read = source.by_ref().take(piece as u64).read_to_end(&mut held);
         let is_last = read.map_err(|error| unreadable(path, &error))? < piece;
         let mut frames = Frames::of(&held);
-        // What may be the beginning of a frame waits for the rest of it.
-        while is_last || frames.bytes.len() >= LONGEST {
-            let Some((time_us, frame)) = frames.next() else {
-                break;
-            };
+        if !is_last {
+            frames.enough = ENOUGH;
+        }
+        for (time_us, frame) in &mut frames {
             each(time_us, frame)?;
         }
         stray_bytes += frames.stray_bytes;
@@ -149,6 +148,7 @@ mod tests {
         write_flight(&flight(), &path, TOOL).unwrap();
         let mut bytes = std::fs::read(&path).unwrap();
         bytes.splice(600..600, [0xFD; 40]);
+        bytes.splice(300..300, [0; 2_000]);
         bytes.splice(100..100, *b"stray");
         bytes.truncate(bytes.len() - 3);
         let whole = Log::parse(&bytes);

@@ -33,15 +33,10 @@ pub fn run(path: &Path, file: &Path, json: bool) -> Result<Verdict> {
 
 /// The whole frames among what was found, with times that may be right.
 pub fn frames(found: &[u8]) -> Vec<(u64, &[u8])> {
-    let frames = Frames::of(found).filter(|frame| is_whole(frame.1));
+    let frames = Frames::of(found).filter(|frame| Wire::is_whole(frame.1));
     let mut frames: Vec<_> = frames.collect();
     mend_times(&mut frames);
     frames
-}
-
-/// Whether a frame's checksum is right.
-fn is_whole(frame: &[u8]) -> bool {
-    Wire::default().receive_frames(frame).len() == 1
 }
 
 /// A time that is far from most others becomes that of the frame before, or of the first good one.
