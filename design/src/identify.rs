@@ -9,6 +9,7 @@ use std::time::Duration;
 use anyhow::Result;
 use clap::Args;
 use csv::StringRecord;
+use plant::Setup;
 use plant::identify::{
     Identification, IdentifyError, MOST_MISFIT_RAD, Reading, Record, identify, likeliest,
 };
@@ -23,7 +24,7 @@ use flights::log::{Flight, Release};
 use report::exit::{BadInput, Verdict};
 use report::file::write_whole;
 use report::kind;
-use report::measure::{Figures, data, figure, rows};
+use report::measure::{Figures, data, figure, rows, some};
 use report::progress;
 
 /// Options of `tvc identify`.
@@ -89,20 +90,12 @@ pub fn run(options: &Identify) -> Result<Verdict> {
         kind::keep_apart(out, options.vehicle.file())?;
     }
     let nominal = options.vehicle.drone(options.servo)?;
-    let refuse = |log: &Path, error| match error {
-        IdentifyError::NoFit => anyhow::Error::new(error),
-        _ => BadInput::of(log, error).into(),
-    };
     let spinner = progress::spinner("{spinner} {msg}");
     spinner.enable_steady_tick(Duration::from_millis(200));
     spinner.set_message("searching for the parameters");
-    let mut records = Vec::new();
-    for log in &options.logs {
-        let ways = read(log, options.release, options.axis.into())?;
-        records.push(likeliest(&nominal, ways).map_err(|error| refuse(log, error))?);
-    }
-    let found = identify(&nominal, &records).map_err(|error| refuse(&options.logs[0], error))?;
+    let found = search(options, &nominal);
     spinner.finish_and_clear();
+    let found = found?;
     figures(&found).conclude(options.json, None)?;
     if let Some(out) = &options.out {
         write_whole(out, parameter_file(&found, &options.logs).as_bytes())?;
@@ -117,6 +110,20 @@ pub fn run(options: &Identify) -> Result<Verdict> {
         return Ok(Verdict::Missed);
     }
     Ok(Verdict::Met)
+}
+
+/// Finds the parameters of the vehicle that the logs are of.
+fn search(options: &Identify, nominal: &Setup) -> Result<Identification> {
+    let refuse = |log: &Path, error| match error {
+        IdentifyError::NoFit => anyhow::Error::new(error),
+        _ => BadInput::of(log, error).into(),
+    };
+    let mut records = Vec::new();
+    for log in &options.logs {
+        let ways = read(log, options.release, options.axis.into())?;
+        records.push(likeliest(nominal, ways).map_err(|error| refuse(log, error))?);
+    }
+    identify(nominal, &records).map_err(|error| refuse(&options.logs[0], error))
 }
 
 /// Columns of a table that a record is made of.
@@ -305,11 +312,8 @@ fn figures(found: &Identification) -> Figures {
         figure("rate_rms_rad_s", found.rate_rms_rad_s)
             .shown("misfit of the rate, rms", "mrad/s", 1)
             .scaled(1e3),
-        figure(
-            "not_told_apart",
-            found.alike.iter().map(|pair| pair.join(" and ")).collect::<Vec<_>>().join("; "),
-        )
-        .shown("not told apart", "", 0),
+        data("not_told_apart", &found.alike)
+            .said("not told apart", some(found.alike.iter().map(|pair| pair.join(" and ")))),
         figure("iterations", found.iterations).shown("steps of the search", "", 0),
     ])
 }

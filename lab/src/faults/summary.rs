@@ -105,8 +105,9 @@ const ALARMS: [(&str, &str, Count); 10] = [
 
 /// The figures of sound vehicles.
 fn of_sound(all: &[Row]) -> Vec<Figure> {
-    let hours =
-        |all: &mut dyn Iterator<Item = &Row>| all.map(|row| row.flown_s).sum::<f64>() / 3600.0;
+    let hours = |all: &mut dyn Iterator<Item = &Row>| {
+        all.map(|row| row.flown_s).fold(0.0, |a, b| a + b) / 3600.0
+    };
     let is_in_flight = |row: &&Row| row.phase == Phase::Flight;
     let row_of = |group: &String| {
         let runs = || all.iter().filter(|row| row.group() == *group);

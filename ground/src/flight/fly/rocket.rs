@@ -161,12 +161,15 @@ fn conditions(met: &Conditions) -> Figure {
 }
 
 fn conditions_in_words(met: &Conditions) -> String {
-    let [first, second, third, last] = met.kicks_s;
     let Conditions { kick_rad_s, wind_m_s, gust_m_s, gust_from_m, turbulence_m_s, .. } = met;
+    let [first, second, third, last] = met.kicks_s;
+    let kicks = match *kick_rad_s {
+        0.0 => "There are no kicks.".to_owned(),
+        kick => format!("Kicks of {kick} rad/s come at {first}, {second}, {third} and {last} s."),
+    };
     format!(
-        "The rail is {:.1} deg off the vertical, the thrust {:.1} deg off its axis. Kicks of \
-         {kick_rad_s} rad/s come at {first}, {second}, {third} and {last} s. The wind is \
-         {wind_m_s} m/s. A gust rises to {gust_m_s} m/s and fades (1 - cos) from {gust_from_m} to \
+        "The rail is {:.1} deg off the vertical, the thrust {:.1} deg off its axis. {kicks} \
+         The wind is {wind_m_s} m/s. A gust rises to {gust_m_s} m/s and fades (1 - cos) from {gust_from_m} to \
          {} m. Turbulence is {turbulence_m_s} m/s rms in each direction with a length of {} m. All \
          directions come from the seed.",
         met.rail_tilt_rad.to_degrees(),
