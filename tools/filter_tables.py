@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The tables of fusion/README.md: scores on recordings, with clipped rates and offline, and what an update costs.
+"""The tables of the filters' documents: scores on recordings, with clipped rates and offline, and what an update costs.
 
     python3 tools/filter_tables.py --broad FOLDER    with the seven recordings of BROAD as IMUQ16v1 files
 
@@ -17,7 +17,7 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-README = ROOT / "fusion" / "README.md"
+DOCUMENTS = [ROOT / "fusion" / "README.md", ROOT / "fusion" / "docs" / "measured.md"]
 TOOLS = ROOT / "target" / "tool"
 HEADER, RECORD = 64, 28
 
@@ -76,12 +76,16 @@ def table(head, rows):
 
 
 def scores(files):
+    """The table of all filters, and that of a few."""
     rows = []
+    few = [["VQF 2.1.2, lag taken off", "1.953", "0.631"]]
     for name, filter_, scalar in FILTERS:
         of = ["--filter", filter_, "--scalar", scalar]
-        tilt = mean(files, *of, "--mode", "6d")
-        rows.append([name, all_three(mean(files, *of)), f"{tilt['inclination_deg']:.3f}"])
-    return table(["filter", "9D", "6D inclination"], rows)
+        full, tilt = mean(files, *of), mean(files, *of, "--mode", "6d")
+        rows.append([name, all_three(full), f"{tilt['inclination_deg']:.3f}"])
+        if filter_ in ("mahony", "vqf"):
+            few.append([name, *(f"{full[key]:.3f}" for key in ("total_deg", "inclination_deg"))])
+    return table(["filter", "9D", "6D inclination"], rows), table(["filter", "total", "inclination"], few)
 
 
 def offline(files):
@@ -141,15 +145,19 @@ def main():
         files = sorted(folder.glob("broad_*.imuq"))
         if len(files) != 7:
             sys.exit(f"{folder} has {len(files)} recordings named broad_*.imuq, not seven")
-        tables |= {"scores": scores(files), "offline": offline(files), "clipped": clipping(files)}
-    text = README.read_text()
+        tables["scores"], tables["summary"] = scores(files)
+        tables |= {"offline": offline(files), "clipped": clipping(files)}
+    texts = {document: document.read_text() for document in DOCUMENTS}
     for name, lines in tables.items():
         place = re.compile(rf"<!-- {name} -->\n.*?\n<!-- end of {name} -->", re.DOTALL)
-        if not place.search(text):
-            sys.exit(f"{README} has no place for the table named {name}")
-        text = place.sub(lambda _: f"<!-- {name} -->\n{lines}\n<!-- end of {name} -->", text)
-    README.write_text(text)
-    print(f"wrote {README}")
+        document = next((document for document in DOCUMENTS if place.search(texts[document])), None)
+        if document is None:
+            sys.exit(f"no document has a place for the table named {name}")
+        table_here = f"<!-- {name} -->\n{lines}\n<!-- end of {name} -->"
+        texts[document] = place.sub(lambda _: table_here, texts[document])
+    for document, text in texts.items():
+        document.write_text(text)
+        print(f"wrote {document}")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Write docs/reference/measurements.md, docs/flight.svg and the tables of fusion/README.md anew: every figure comes from a
+"""Write docs/reference/measurements.md, docs/flight.svg and the filters' tables anew: every figure comes from a
 command of the tools run with --json, and the picture from the report of a flight.
 
     python3 tools/measurements.py --broad FOLDER     all sections; takes about a quarter of an hour
@@ -275,7 +275,7 @@ def main():
         parser.error(f"{options.broad} holds no .imuq file")
     broad = options.broad.resolve() if options.broad else None
     head = ("# Measurements\n`python3 tools/measurements.py` runs the commands below and writes this page, and the "
-            "[tables of the filters](../../fusion/README.md#measured). Every figure is of the virtual rig and of one image: "
+            "[tables of the filters](../../fusion/docs/measured.md). Every figure is of the virtual rig and of one image: "
             f"{built()}. Nothing has run on a board yet.\n")
     try:
         with tempfile.TemporaryDirectory() as folder:

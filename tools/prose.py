@@ -5,7 +5,7 @@
     python3 tools/prose.py FILE ...      those files alone
     python3 tools/prose.py --list        words, sentences, mean sentence and longest paragraph of each file
 
-Documents are README.md, CONTRIBUTING.md, docs/ and the crates' README.md. Their code blocks, tables, headings and
+Documents are README.md, CONTRIBUTING.md, docs/ and the crates' README.md and docs/. Their code blocks, tables, headings and
 comments are left out. A code span counts as one word. Texts (help, messages) are string literals of six words or more,
 without lines that are set in columns. CONTRIBUTING.md has the rules.
 """
@@ -31,7 +31,7 @@ LONGEST_MEAN = {".md": 18, ".rs": 16}
 FEWEST = {".md": 1, ".rs": 10}
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-PATTERNS = ["README.md", "CONTRIBUTING.md", "docs/**/*.md", "*/README.md"]
+PATTERNS = ["README.md", "CONTRIBUTING.md", "docs/**/*.md", "*/README.md", "*/docs/*.md"]
 ITEM = re.compile(r"\s*(?:[-*+]|\d+[.)])\s+")
 END = re.compile(r"(?<!e\.g\.)(?<!i\.e\.)(?<=[.!?])[\"')\]]*\s+(?=[\"'(\[]*[^\W_a-z]|[\"'(\[]*`)")
 # A comment, a string or a character of a Rust file.
