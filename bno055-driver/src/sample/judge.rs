@@ -12,7 +12,8 @@
 //! | no field | a field of zero, if the configuration needs a field | the earth has a field |
 //!
 //! A jump of the rates is held for one burst: the sample has the rates before, as if the gyroscope
-//! had not been refreshed. The next burst shows whether the jump was real. A rate of -1 from afar
+//! had not been refreshed. The next burst shows whether the jump was real: motion stays there or
+//! goes on, a wrong bit goes back. A rate of -1 from afar
 //! is held too, because a data line that nobody drives reads 0xFFFF. After a transfer that failed
 //! on the bus, smaller jumps are held: the disturbance of the bus may go on. A line pulled low
 //! while the sensor sends makes zeros, which no other rule sees.
@@ -40,7 +41,7 @@ const STILL_US: u32 = 65_000;
 const QUIET_STILL_US: u32 = 90_000;
 
 /// Largest jump of a rate that is not held: 250 deg/s, about the same counts in all units. Fast
-/// hands change a rate by 300 deg/s within a refresh of 10 ms.
+/// hands change a rate by 300 deg/s within a refresh of 10 ms, and by 450 within one of 15 ms.
 const RATE_JUMP: u16 = 4_000;
 /// Largest jump that is not held after a failed transfer: 16 deg/s.
 const DISTURBED_JUMP: u16 = 256;
@@ -125,7 +126,10 @@ impl Inspector {
         let Words([acc, mag, gyr]) = now;
         let mut sample = RawSample { time, acc, mag, gyr };
         let jump = if behind_failure { DISTURBED_JUMP } else { RATE_JUMP };
-        let is_confirmed = held.is_some_and(|held| !moved(&held, &sample.gyr, jump));
+        let is_confirmed = held.is_some_and(|held| {
+            let before = good.as_ref().map_or(held, Words::gyr);
+            goes_on(&before, &held, &sample.gyr, jump)
+        });
         let mut is_suspect = held.is_some() && !is_confirmed && !behind_failure;
         let mut cleared = false;
         if let Some(good) = good {
@@ -271,6 +275,17 @@ impl Ones {
         *crossed &= !returned;
         came
     }
+}
+
+/// Whether `now` is what motion makes of `held`, which came behind `before`: it is near to `held`,
+/// or goes on from there. In a fast hand each refresh is a jump; from one refresh to the next the
+/// jump itself changes by less than twice the limit. A wrong bit goes back: the change is twice its
+/// size.
+fn goes_on(before: &[i16; 3], held: &[i16; 3], now: &[i16; 3], jump: u16) -> bool {
+    before.iter().zip(held).zip(now).all(|((before, held), now)| {
+        let change = i32::from(*now) - 2 * i32::from(*held) + i32::from(*before);
+        now.abs_diff(*held) <= jump || change.unsigned_abs() <= 2 * u32::from(jump)
+    })
 }
 
 /// Whether any word has moved by more than `limit`.

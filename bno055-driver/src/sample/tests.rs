@@ -218,6 +218,23 @@ fn rates_that_jump_are_held_for_a_burst() {
     assert_eq!(believed(&through), out);
 }
 
+/// A hand that shakes the sensor at 8 Hz, with 490 deg/s about all axes, changes a rate by 370
+/// deg/s within a refresh of 13 ms.
+#[test]
+fn in_a_fast_hand_no_burst_is_suspect() {
+    for refresh_ms in [8.0, 10.0, 12.9, 15.6, 20.0] {
+        let rate = |tick: i32, phase: f64| {
+            let time_s = (f64::from(tick) * 10.0 / refresh_ms).floor() * refresh_ms / 1e3;
+            // Even: a rate of -1 is another rule's.
+            (7_840.0 * (50.0 * time_s + phase).sin()) as i16 & !1
+        };
+        let burst =
+            |tick| with(&[(6, rate(tick, 0.0)), (7, rate(tick, 2.1)), (8, rate(tick, 4.2))]);
+        let bursts: Vec<_> = (0..300).map(burst).collect();
+        assert_eq!(suspects(&bursts), [false; 300], "{refresh_ms} ms");
+    }
+}
+
 /// Bursts every 6.667 ms of an accelerometer with noise, and of rates that change at every refresh
 /// of `period_us` until `died_us`. Gives the time from then to the first refused burst, us.
 fn dead_after_us(config: &Config, period_us: u64, died_us: u64) -> Option<u64> {
