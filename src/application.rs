@@ -29,7 +29,7 @@ const BUSY_TURN_US: u64 = 1_000;
 const IDLE_TURN_US: u64 = 10_000;
 
 /// Steps from one piece of a save to the next: the processor stands still for a piece, which may
-/// cost a sample, and the self-test asks for 95 of the 150 that come in a second.
+/// cost a sample.
 const SAVE_STEPS: u8 = 4;
 
 /// What the main loop wakes up for.
@@ -382,6 +382,8 @@ impl<'a, S: Imu> Application<'a, S> {
                 self.open(board);
             }
             self.telemetry.serve_storage(board.flash(), self.flight);
+            self.open_state(board);
+            self.flight.halted();
         }
         if let Some(reset) = self.telemetry.take_reset() {
             board.reset_soon(now, reset);

@@ -183,6 +183,13 @@ impl Supervisor {
         self.state = next;
     }
 
+    /// The processor stood still for its flash, which may have cost samples.
+    pub fn halted(&mut self) {
+        if let State::SelfTest(test) = &mut self.state {
+            test.halted();
+        }
+    }
+
     /// A step with a sample of this time, and the attitude after it.
     pub fn sample(&mut self, now: Micros, time: Micros, health: Health) {
         self.health = health;

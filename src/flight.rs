@@ -170,6 +170,11 @@ impl Flight {
         &self.state
     }
 
+    /// The processor stood still for its flash.
+    pub fn halted(&mut self) {
+        self.state.supervisor.halted();
+    }
+
     /// A tick whose step is carried by the next pulse came then.
     pub fn carried_tick(&mut self, at: Micros) {
         self.state.carried.seen(at);
