@@ -179,7 +179,7 @@ mod tests {
         assert_eq!(run(10_600, [0, 0, -981], |_| [0; 3]).1, Verdict::Failed(Failure::Slow));
     }
 
-    /// At 60 Hz 35 samples a second are missing: so many may 18 pieces of a save have cost.
+    /// At 60 Hz 35 samples a second are missing. 18 pieces of a save may have cost 36.
     #[test]
     fn a_save_costs_samples_and_not_the_self_test() {
         for (pieces, verdict) in [(17, Verdict::Failed(Failure::Slow)), (18, Verdict::Passed)] {

@@ -13,10 +13,11 @@
 //!
 //! A jump of the rates is held for one burst: the sample has the rates before, as if the gyroscope
 //! had not been refreshed. The next burst shows whether the jump was real: motion stays there or
-//! goes on, a wrong bit goes back. A rate of -1 from afar
-//! is held too, because a data line that nobody drives reads 0xFFFF. After a transfer that failed
-//! on the bus, smaller jumps are held: the disturbance of the bus may go on. A line pulled low
-//! while the sensor sends makes zeros, which no other rule sees.
+//! goes on, and a wrong bit goes back.
+//!
+//! A rate of -1 from afar is held too, because a data line that nobody drives reads 0xFFFF. After a
+//! transfer that failed on the bus, smaller jumps are held: the disturbance of the bus may go on. A
+//! line pulled low while the sensor sends makes zeros, which no other rule sees.
 //!
 //! A wrong bit in the midst of a word looks like a motion. Bursts with features that are rare in a
 //! sound burst are [suspect](Evidence::Suspect). After several suspect or refused bursts in a short
