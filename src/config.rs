@@ -87,6 +87,9 @@ pub const HOST_GONE_US: u64 = 5_000_000;
 /// Length of the self-test: the gyro must be still for this long without a break.
 pub const SELF_TEST_US: u64 = 1_000_000;
 
+/// Whole bursts that a row or page of flash may spoil, erased or written within 6 ms.
+pub const HALTED_BURSTS: u8 = 2;
+
 /// Least sample rate that passes the self-test. The sensor's own clock is good to 1 %.
 pub const SELF_TEST_RATE_HZ: u32 = 95;
 

@@ -6,13 +6,11 @@ use tvc_imu::{Micros, Transfer};
 use crate::SelfCheck;
 use crate::application::Event;
 use crate::bus::{Completion, Origin};
+use crate::config::HALTED_BURSTS;
 use crate::ticks::{BurstGauge, BurstTimes, NewestTick, Timing};
 
 /// Longest time that a step takes, us.
 const STEP_US: u64 = 900;
-
-/// Whole bursts that a row or page of flash may spoil, erased or written within 6 ms.
-const HALTED_BURSTS: u8 = 2;
 
 /// A tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

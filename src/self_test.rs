@@ -7,13 +7,10 @@
 use tvc_imu::{Micros, RawSample};
 
 use crate::config::{
-    GRAVITY_COUNTS, SELF_TEST_GRAVITY_TOLERANCE, SELF_TEST_GYRO_LIMIT, SELF_TEST_GYRO_SPAN,
-    SELF_TEST_RATE_HZ, SELF_TEST_US,
+    GRAVITY_COUNTS, HALTED_BURSTS, SELF_TEST_GRAVITY_TOLERANCE, SELF_TEST_GYRO_LIMIT,
+    SELF_TEST_GYRO_SPAN, SELF_TEST_RATE_HZ, SELF_TEST_US,
 };
 use crate::numbered::numbered;
-
-/// Samples that a piece of a save may cost: the processor stands still for its flash.
-const HALT_SAMPLES: u32 = 2;
 
 /// Bounds of the mean squared acceleration, counts squared.
 const GRAVITY_SQUARED: (u64, u64) = {
@@ -76,7 +73,7 @@ impl SelfTest {
 
     /// The processor stood still for its flash.
     pub fn halted(&mut self) {
-        self.halted += HALT_SAMPLES;
+        self.halted += u32::from(HALTED_BURSTS);
     }
 
     /// Take in the next sample.
@@ -102,11 +99,11 @@ impl SelfTest {
             return Verdict::Running;
         }
         let intervals = u64::from(self.intervals);
-        let due = intervals + u64::from(self.halted);
+        let accounted = intervals + u64::from(self.halted);
         let (low, high) = GRAVITY_SQUARED;
         if self.acc_squared < low * intervals || self.acc_squared > high * intervals {
             Verdict::Failed(Failure::Gravity)
-        } else if due * 1_000_000 < u64::from(SELF_TEST_RATE_HZ) * elapsed_us {
+        } else if accounted * 1_000_000 < u64::from(SELF_TEST_RATE_HZ) * elapsed_us {
             Verdict::Failed(Failure::Slow)
         } else {
             Verdict::Passed

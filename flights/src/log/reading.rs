@@ -87,7 +87,7 @@ impl Decoder {
     /// Calls `each` with the messages in a frame of a log. One that is cut short or damaged is
     /// counted and ignored.
     pub fn take(&mut self, time_us: u64, frame: &[u8], each: &mut impl FnMut(Entry)) {
-        // A broken frame's head says nothing: what is whole inside counts by its own head.
+        // The head of a broken frame says nothing: it is counted and left out.
         let mut inside = Wire::default();
         for whole in inside.receive_frames(frame) {
             let from_vehicle = is_from_vehicle(&whole.bytes);

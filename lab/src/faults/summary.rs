@@ -105,6 +105,7 @@ const ALARMS: [(&str, &str, Count); 10] = [
 
 /// The figures of sound vehicles.
 fn of_sound(all: &[Row]) -> Vec<Figure> {
+    // Not by `sum`: that of no run is -0.
     let hours = |all: &mut dyn Iterator<Item = &Row>| {
         all.map(|row| row.flown_s).fold(0.0, |a, b| a + b) / 3600.0
     };
