@@ -82,8 +82,14 @@ pub(super) struct Acts {
 }
 
 impl Acts {
-    /// What a kind of run has in a phase, and as much of the rest as goes with it.
-    pub(super) fn draw(kind: SoundKind, phase: Phase, dice: &mut impl Rng) -> Self {
+    /// What a kind of run has in a phase, and as much of the rest as goes with it, for a sensor
+    /// that refreshes accelerations and rates `refresh_hz` times a second.
+    pub(super) fn draw(
+        kind: SoundKind,
+        phase: Phase,
+        refresh_hz: [f64; 2],
+        dice: &mut impl Rng,
+    ) -> Self {
         let other = match (phase, dice.random_range(0..4)) {
             (Phase::Start, _) | (_, 0) => Motion::Rest,
             (_, 1) => Motion::Knocks,
@@ -111,7 +117,7 @@ impl Acts {
         };
         let vibrates = kind == SoundKind::Vibration
             || phase == Phase::Flight && kind != SoundKind::Rest && dice.random_bool(0.3);
-        let vibration = vibrates.then(|| vibration(dice));
+        let vibration = vibrates.then(|| vibration(refresh_hz, dice));
         let mut words = format!("{motion:?}, host {host:?}");
         if let Some(Vibration { acc_m_s2, frequency_hz, .. }) = vibration {
             words += &format!(", {acc_m_s2:.1} m/s2 at {frequency_hz:.0} Hz");
@@ -277,14 +283,31 @@ impl Acts {
 
 /// How far a vibration moves a sensor whose mount is sound, m.
 const EXCURSION_M: f64 = 1e-3;
+/// A line of a vibration this close to a multiple of a refresh rate, Hz, arrives as a slow swing.
+/// Nothing in the samples tells that swing from a motion, so that control follows it.
+const ALIAS_HZ: f64 = 5.0;
+/// Greatest amplitude of such a line on a sound vehicle, m/s^2: at 50 Hz it turns the sensor by
+/// 5 deg/s.
+const ALIASED_M_S2: f64 = 3.0;
 
-fn vibration(dice: &mut impl Rng) -> Vibration {
+/// A vibration of a sensor that refreshes accelerations and rates `refresh_hz` times a second.
+fn vibration(refresh_hz: [f64; 2], dice: &mut impl Rng) -> Vibration {
     let (harmonics, wander_pct) = (dice.random_range(0..=4), dice.random_range(0.0..20.0));
-    let highest = f64::from(1 + harmonics) * (1.0 + wander_pct / 100.0);
+    let wander = wander_pct / 100.0;
+    let highest = f64::from(1 + harmonics) * (1.0 + wander);
     let frequency_hz = octaves(20.0..Vibration::HIGHEST_HZ / highest, dice);
     let widest_m_s2 = (std::f64::consts::TAU * frequency_hz).powi(2) * EXCURSION_M;
+    let acc_m_s2 = octaves(0.5..widest_m_s2.min(40.0), dice);
+    let is_slow = |line_hz: f64| {
+        let (lowest, highest) =
+            (line_hz * (1.0 - wander) - ALIAS_HZ, line_hz * (1.0 + wander) + ALIAS_HZ);
+        refresh_hz.iter().any(|hz| (lowest / hz).floor() < (highest / hz).floor())
+    };
+    // Each line has half the amplitude of the line before.
+    let slow = (0..=harmonics).find(|line| is_slow(frequency_hz * f64::from(line + 1)));
+    let most_m_s2 = slow.map_or(acc_m_s2, |line| ALIASED_M_S2 * f64::from(1 << line));
     Vibration {
-        acc_m_s2: octaves(0.5..widest_m_s2.min(40.0), dice),
+        acc_m_s2: acc_m_s2.min(most_m_s2),
         rate_dps: None,
         frequency_hz,
         harmonics,
@@ -313,5 +336,34 @@ fn shake(most_deg_s: f64, dice: &mut impl Rng) -> Shake {
         acc_m_s2: octaves(0.1..50.0, dice).min(0.5 * rate_rad_s * rate_rad_s),
         swings_hz: octaves(0.2..fastest_hz, dice),
         seconds: dice.random_range(0.5..3.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{Stream, generator};
+
+    #[test]
+    fn no_line_that_arrives_as_a_slow_swing_is_strong() {
+        let mut strong = 0;
+        for seed in 0..2_000 {
+            let mut dice = generator(seed, Stream::Campaign);
+            let refresh_hz = [octaves(10.0..200.0, &mut dice), octaves(35.0..200.0, &mut dice)];
+            let drawn = vibration(refresh_hz, &mut dice);
+            for line in 0..=drawn.harmonics {
+                let amplitude_m_s2 = drawn.acc_m_s2 / f64::from(1 << line);
+                for wander_pct in [-drawn.wander_pct, 0.0, drawn.wander_pct] {
+                    let of_even_hz = f64::from(line + 1) * (1.0 + wander_pct / 100.0);
+                    let line_hz = drawn.frequency_hz * of_even_hz;
+                    let swing = refresh_hz.map(|hz| (line_hz - (line_hz / hz).round() * hz).abs());
+                    let is_slow = swing.iter().any(|hz| *hz < ALIAS_HZ - 1e-9);
+                    let why = format!("{drawn:?} at {refresh_hz:?} Hz, line {line}");
+                    assert!(!is_slow || amplitude_m_s2 <= ALIASED_M_S2 + 1e-9, "{why}");
+                }
+            }
+            strong += usize::from(drawn.acc_m_s2 > 10.0);
+        }
+        assert!(strong > 100, "{strong} of 2,000 are strong");
     }
 }

@@ -160,7 +160,9 @@ impl Sound {
         setup.rig.seed = dice.next_u64();
         let warms_up = kind == SoundKind::WarmUp;
         let parts = parts::draw(&mut setup, self.phase, &self.hardware, warms_up, &mut dice);
-        let acts = Acts::draw(kind, self.phase, &mut dice);
+        let refresh = setup.rig.hardware.sensor.refresh;
+        let refresh_hz = refresh.map_or([100.0; 2], |rates| [rates.acc_hz, rates.gyr_hz]);
+        let acts = Acts::draw(kind, self.phase, refresh_hz, &mut dice);
         setup.rig.bench.disturbances.vibration = acts.vibration;
         let what = format!("{}; {}", parts.words, acts.words);
         let mut run = Run {
