@@ -287,7 +287,7 @@ const EXCURSION_M: f64 = 1e-3;
 /// Nothing in the samples tells that swing from a motion, so that control follows it.
 const ALIAS_HZ: f64 = 5.0;
 /// Greatest amplitude of such a line on a sound vehicle, m/s^2: at 50 Hz it turns the sensor by
-/// 5 deg/s.
+/// 5.5 deg/s.
 const ALIASED_M_S2: f64 = 3.0;
 
 /// A vibration of a sensor that refreshes accelerations and rates `refresh_hz` times a second.
@@ -353,9 +353,9 @@ mod tests {
             let drawn = vibration(refresh_hz, &mut dice);
             for line in 0..=drawn.harmonics {
                 let amplitude_m_s2 = drawn.acc_m_s2 / f64::from(1 << line);
-                for wander_pct in [-drawn.wander_pct, 0.0, drawn.wander_pct] {
-                    let of_even_hz = f64::from(line + 1) * (1.0 + wander_pct / 100.0);
-                    let line_hz = drawn.frequency_hz * of_even_hz;
+                for part in -20..=20 {
+                    let wander = drawn.wander_pct / 100.0 * f64::from(part) / 20.0;
+                    let line_hz = drawn.frequency_hz * f64::from(line + 1) * (1.0 + wander);
                     let swing = refresh_hz.map(|hz| (line_hz - (line_hz / hz).round() * hz).abs());
                     let is_slow = swing.iter().any(|hz| *hz < ALIAS_HZ - 1e-9);
                     let why = format!("{drawn:?} at {refresh_hz:?} Hz, line {line}");

@@ -34,7 +34,7 @@ use super::phase::{is_same, stored};
 use super::{
     Case, Ending, Kind, Outcome, Phase, Verdict, Watched, neutral_us, reported_parameters,
 };
-use crate::bno055::Fault;
+use crate::bno055::{Fault, Mode};
 use crate::fly::flight::{FlightError, Ready, Setup, Stage, prepare};
 use crate::ground_station::GroundStationError;
 use crate::image::Image;
@@ -161,7 +161,8 @@ impl Sound {
         let warms_up = kind == SoundKind::WarmUp;
         let parts = parts::draw(&mut setup, self.phase, &self.hardware, warms_up, &mut dice);
         let refresh = setup.rig.hardware.sensor.refresh;
-        let refresh_hz = refresh.map_or([100.0; 2], |rates| [rates.acc_hz, rates.gyr_hz]);
+        let refresh_hz =
+            refresh.map_or([Mode::Amg.refresh_hz(); 2], |rates| [rates.acc_hz, rates.gyr_hz]);
         let acts = Acts::draw(kind, self.phase, refresh_hz, &mut dice);
         setup.rig.bench.disturbances.vibration = acts.vibration;
         let what = format!("{}; {}", parts.words, acts.words);
