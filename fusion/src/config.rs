@@ -33,7 +33,9 @@ pub struct Config<G> {
     /// Noise of the vertical that the accelerometer shows in motion, as a density, rad^2 s (0.28
     /// rad for 0.25 s). It sets the pace of recovery after clipping or a gap.
     pub recovery_rad2_s: f32,
-    /// Two samples further apart than this are a gap, s: the motion between them is unknown.
+    /// Two samples further apart than this are a gap, s: the motion between them is unknown. Below
+    /// 4 Hz the default takes every sample for one, and the attitude is never initialised: a slow
+    /// sensor needs twice its period.
     pub gap_s: f32,
     /// After this time of averaging the attitude counts as initialised (s).
     pub start_up_s: f32,

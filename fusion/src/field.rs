@@ -308,6 +308,11 @@ impl<T: Real> Field<T> {
         self.weigh();
     }
 
+    /// The reference is wrong: the next field is the first one.
+    pub(crate) fn forget(&mut self) {
+        self.reference = None;
+    }
+
     /// The factor from the field's transverse part to the weighted sine of the heading error.
     fn weigh(&mut self) {
         let reference = self.reference.as_ref();

@@ -96,9 +96,9 @@ pub trait Filter: Sized {
     #[doc(hidden)]
     const FINDS_BIAS: bool = false;
 
-    /// The offset that the filter found is impossible: it begins anew with an offset of zero.
+    /// Attitude and offset that the filter found are wrong: it begins anew, with an offset of zero.
     #[doc(hidden)]
-    fn forget_bias(&mut self) {}
+    fn forget(&mut self) {}
 
     /// Whether the tilt follows the accelerometer with a response of second order.
     #[doc(hidden)]

@@ -108,8 +108,9 @@ impl<T: Real> Filter for Kalman<T> {
         Ok(())
     }
 
-    fn forget_bias(&mut self) {
-        (self.mixed, self.offset, self.bias) = ([zero(); 3], diagonal(self.unknown), zero());
+    fn forget(&mut self) {
+        (self.attitude, self.mixed) = (diagonal(T::from_f32(0.1)), [zero(); 3]);
+        (self.offset, self.bias) = (diagonal(self.unknown), zero());
     }
 
     fn correction(&mut self, view: &View<T>, bias: &mut [T; 3]) -> [T; 3] {

@@ -13,6 +13,7 @@ extern crate std;
 
 mod complementary;
 mod config;
+mod consistency;
 pub mod docs;
 mod error;
 mod estimator;

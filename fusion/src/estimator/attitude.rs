@@ -46,7 +46,7 @@ pub struct Flags {
     pub initialised: bool,
     /// The body is at rest; its gyroscope offset is being learned.
     pub at_rest: bool,
-    /// The accelerometer was ignored: free fall, outside the gate, or not a number.
+    /// The accelerometer was ignored: free fall, parts of g, outside the gate, or not a number.
     pub acc_rejected: bool,
     /// The last field sample was disturbed, or not a number.
     pub mag_disturbed: bool,

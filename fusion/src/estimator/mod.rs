@@ -41,6 +41,7 @@
 //! | `rest`, `motion_bias` | the offset, at rest and from motion |
 //! | `lag` | samples that are older than the rates |
 //! | `range`, `recovery` | the rotation that a clipped gyroscope hides |
+//! | `consistency` | whether the estimated vertical can be right |
 //! | `quality` | how far the estimate may be off |
 
 mod attitude;
@@ -49,6 +50,7 @@ mod state;
 use core::mem::take;
 
 use crate::config::{Config, GRAVITY};
+use crate::consistency::Consistency;
 use crate::error::{ConfigError, in_range, positive, require};
 use crate::field::{Field, HeadingError, plausible};
 use crate::filter::{Filter, View};
@@ -65,9 +67,9 @@ use crate::vector::{add, add_scaled, difference, dot, scaled, within, zero};
 pub use attitude::{Attitude, Flags, Sample};
 pub use state::{FieldReference, State};
 
-/// An acceleration whose components are all below this, m/s^2, shows no vertical: free fall, or an
-/// absent sensor.
-const MIN_ACC: f32 = 0.5;
+/// An acceleration whose components are all below this, m/s^2, shows no vertical: free fall, an
+/// absent sensor, or one that tells parts of g.
+const MIN_ACC: f32 = 2.0;
 
 /// Largest plausible acceleration component, m/s^2: a thousand g.
 const MAX_ACC: f32 = 10_000.0;
@@ -98,6 +100,7 @@ pub struct Estimator<F: Filter> {
     motion_bias: Option<MotionBias<F::Real>>,
     range: Range<F::Real>,
     recovery: Recovery<F::Real>,
+    consistency: Consistency<F::Real>,
     uncertainty: Uncertainty<F::Real>,
     orientation: Quaternion<F::Real>,
     steps: u8,
@@ -162,6 +165,7 @@ impl<F: Filter> Estimator<F> {
             motion_bias: MotionBias::new(&config.rest).filter(|_| F::CORRECTS && !F::FINDS_BIAS),
             range: Range::new(config.gyro_range_rad_s),
             recovery: Recovery::default(),
+            consistency: Consistency::new(),
             uncertainty: Uncertainty::new(),
             orientation: Quaternion::IDENTITY,
             steps: 0,
@@ -275,7 +279,8 @@ impl<F: Filter> Estimator<F> {
         add_scaled(&mut half_angle, &self.rate, half_dt);
         self.orientation.turn(&half_angle);
         self.steps = self.steps.wrapping_add(1);
-        if self.steps.is_multiple_of(NORM_STEPS) {
+        let is_eighth = self.steps.is_multiple_of(NORM_STEPS);
+        if is_eighth {
             self.orientation.restore_norm();
         }
         let rows = self.orientation.half_rows();
@@ -298,19 +303,35 @@ impl<F: Filter> Estimator<F> {
             floor,
             starting: !self.flags.initialised,
         };
-        let before = self.bias;
         self.pending = self.filter.correction(&view, &mut self.bias);
-        if F::FINDS_BIAS && self.rest.allows(&before) && !self.rest.allows(&self.bias) {
-            self.bias = zero();
-            self.filter.forget_bias();
-            self.unsettle(F::Real::from_f32(GAP_SIGMA * GAP_SIGMA));
-        }
         self.update_uncertainty(&view);
         if hidden.is_some() || self.recovery.is_active() {
             self.recover(&view, hidden, sample);
         }
         if self.motion_bias.is_some() && self.rest.has_moved() {
             self.find_bias(&view);
+        }
+        let is_impossible = F::FINDS_BIAS && !self.rest.allows(&self.bias);
+        if is_impossible || is_eighth && F::CORRECTS && self.is_wrong(&view) {
+            self.begin_anew();
+        }
+    }
+
+    /// Whether the accelerations along the vertical have long been less than gravity.
+    fn is_wrong(&mut self, view: &View<F::Real>) -> bool {
+        let dt = view.dt * F::Real::from_f32(f32::from(NORM_STEPS));
+        let acc = view.acc.as_ref();
+        acc.is_some_and(|acc| !self.consistency.holds(dt, &view.rows.down, acc))
+    }
+
+    /// The estimate is wrong: garbage has turned it.
+    #[cold]
+    fn begin_anew(&mut self) {
+        self.reset();
+        self.field.forget();
+        if F::FINDS_BIAS {
+            self.bias = zero();
+            self.filter.forget();
         }
     }
 
@@ -359,7 +380,9 @@ impl<F: Filter> Estimator<F> {
     fn start(&mut self, sample: &Sample) {
         let real = F::Real::from_f32;
         let mag = sample.mag.map(|mag| mag.map(real)).filter(plausible);
-        let seen = within(&sample.acc, MAX_ACC) && self.align(&sample.acc.map(real), mag.as_ref());
+        let acc = sample.acc.map(real);
+        let is_valid = within(&sample.acc, MAX_ACC) && self.passes(&acc);
+        let seen = is_valid && self.align(&acc, mag.as_ref());
         self.flags.acc_rejected = !seen;
         if seen {
             self.uncertainty.restart();

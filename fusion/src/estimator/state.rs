@@ -1,6 +1,8 @@
 //! What an estimator has learned: read, stored and set from outside.
 
 use super::{Estimator, Phase, SETTLED_S};
+#[cfg(feature = "offline")]
+use crate::consistency::Consistency;
 use crate::error::{ConfigError, require};
 use crate::filter::Filter;
 use crate::motion_bias::MotionBias;
@@ -146,6 +148,7 @@ impl<F: Filter> Estimator<F> {
             motion_bias: None,
             range: self.range.reversed(),
             recovery: Recovery::default(),
+            consistency: Consistency::new(),
             rate: self.rate.map(|rate| -rate),
             bias: self.bias.map(|bias| -bias),
             half_gyr_lag_s: -self.half_gyr_lag_s,

@@ -115,6 +115,8 @@ pub struct Estimator<F, S = Late> {
     half_declination: Option<(Q15, Q15)>,
     /// Value of a gyroscope's count, rad/s.
     gyr_rad_s: f32,
+    /// Gravity, counts.
+    gravity: i32,
 }
 
 impl<F: Filter, S: Sensors> Estimator<F, S> {
@@ -171,6 +173,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             coarse_shift,
             half_declination: half_declination(config.declination_rad)?,
             gyr_rad_s: scale.gyr_rad_s,
+            gravity: per_g as i32,
         })
     }
 
@@ -191,6 +194,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             gap: 0,
             last_field: Zeroable::zeroed(),
             rates: [0; 3],
+            upwards: self.gravity << MEAN_LOG2,
         }
     }
 
@@ -209,6 +213,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             && state.gap | is_known <= 1
             && mag.iter().all(|part| i16::try_from(*part).is_ok())
             && are_within(&state.rates, MOST_RATE)
+            && (0..=self.gravity << (MEAN_LOG2 + 1)).contains(&state.upwards)
     }
 
     /// The orientation, with geographic north if a declination was configured.
@@ -339,6 +344,9 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         }
         let products = state.rotation.products();
         let down = products.down();
+        if job == rest::START_UP {
+            self.check_vertical(state, &down, &counts.acc);
+        }
         let shift = state.gains.heading.shift & 31;
         let heading = mag.as_ref().filter(|_| !busy).map(|mag| {
             let tick = state.rest.tick();
@@ -410,6 +418,23 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         }
     }
 
+    /// Begins anew where the accelerations along the estimated vertical have long been less than
+    /// gravity, as the float filters do (`consistency`). Takes one sample a block.
+    #[inline(never)]
+    fn check_vertical(&self, state: &mut State, down: &[Q15; 3], acc: &[i16; 3]) {
+        if *acc == [0; 3] {
+            return;
+        }
+        let [x, y, z] = acc.map(i32::from);
+        let up = -((down[0] * x + down[1] * y + down[2] * z) >> 15);
+        // A blow of many g says no more than a fall or twice gravity.
+        state.upwards += up.clamp(0, 2 * self.gravity) - (state.upwards >> MEAN_LOG2);
+        if state.upwards < (self.gravity << MEAN_LOG2) / 10 * 8 {
+            state.upwards = self.gravity << MEAN_LOG2;
+            self.level(state);
+        }
+    }
+
     /// Runs the next job of the uncertainties.
     #[inline(never)]
     fn update_uncertainty(&self, state: &mut State, gyr: &[i16; 3]) {
@@ -463,6 +488,10 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         (dt_us >> (self.coarse_shift & 31), self.turn_shift - self.coarse_shift)
     }
 }
+
+/// Logarithm of the blocks in the running mean of the acceleration along the vertical: some four
+/// seconds.
+const MEAN_LOG2: u32 = 4;
 
 /// Largest plausible rate less its offset, counts.
 const MOST_RATE: i32 = 1 << 16;
