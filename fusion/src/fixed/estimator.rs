@@ -66,6 +66,7 @@ use super::sensors::{Late, Sensors};
 use super::start_up::Schedule;
 use super::state::{LastField, State};
 use crate::config::{Config, GRAVITY};
+use crate::consistency;
 use crate::error::{ConfigError, in_range, require};
 use crate::estimator::{Attitude, Flags};
 use crate::quality::{BiasState, Quality};
@@ -117,6 +118,8 @@ pub struct Estimator<F, S = Late> {
     gyr_rad_s: f32,
     /// Gravity, counts.
     gravity: i32,
+    /// Least [`State::upwards`] of a right estimate.
+    least_upwards: i32,
 }
 
 impl<F: Filter, S: Sensors> Estimator<F, S> {
@@ -174,6 +177,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             half_declination: half_declination(config.declination_rad)?,
             gyr_rad_s: scale.gyr_rad_s,
             gravity: per_g as i32,
+            least_upwards: (per_g * consistency::LEAST * (1 << MEAN_LOG2) as f32) as i32,
         })
     }
 
@@ -279,6 +283,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
 
     /// Find tilt and heading anew from the next block of samples on, as after a gap; the learned
     /// offset stays. For a body whose estimate a false rate has turned.
+    #[inline(never)]
     pub fn level(&self, state: &mut State) {
         self.schedule.restart(&mut state.schedule);
         self.expect_large_gains(state);
@@ -336,7 +341,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         // Heading correction is skipped in steps that are long or run housekeeping, to bound the
         // worst-case cycles.
         let busy = long
-            || job <= rest::START_UP
+            || job <= rest::VERTICAL
             || state.compass.is_due()
             || state.due.is_now(mag.is_some());
         if busy {
@@ -344,8 +349,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         }
         let products = state.rotation.products();
         let down = products.down();
-        if job == rest::START_UP {
-            self.check_vertical(state, &down, &counts.acc);
+        if job == rest::VERTICAL {
+            self.check_vertical(state, &down, &acc);
         }
         let shift = state.gains.heading.shift & 31;
         let heading = mag.as_ref().filter(|_| !busy).map(|mag| {
@@ -409,7 +414,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             let gains = &mut state.gains;
             self.schedule.next_block(&mut state.schedule, gains);
             state.due.begin();
-        } else if job != rest::NO_JOB {
+        } else if job != rest::VERTICAL && job != rest::NO_JOB {
             if state.compass.is_due() {
                 self.compass.judge(&mut state.compass, gyr);
             } else {
@@ -420,16 +425,13 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
 
     /// Begins anew where the accelerations along the estimated vertical have long been less than
     /// gravity, as the float filters do (`consistency`). Takes one sample a block.
-    #[inline(never)]
-    fn check_vertical(&self, state: &mut State, down: &[Q15; 3], acc: &[i16; 3]) {
-        if *acc == [0; 3] {
-            return;
-        }
-        let [x, y, z] = acc.map(i32::from);
-        let up = -((down[0] * x + down[1] * y + down[2] * z) >> 15);
-        // A blow of many g says no more than a fall or twice gravity.
-        state.upwards += up.clamp(0, 2 * self.gravity) - (state.upwards >> MEAN_LOG2);
-        if state.upwards < (self.gravity << MEAN_LOG2) / 10 * 8 {
+    #[inline(always)]
+    fn check_vertical(&self, state: &mut State, down: &[Q15; 3], acc: &[i32; 3]) {
+        let up = -((down[0] * acc[0] + down[1] * acc[1] + down[2] * acc[2]) >> 15);
+        // A blow of many g says no more than a fall or twice gravity. No acceleration says nothing.
+        let up = if *acc == [0; 3] { self.gravity } else { up.clamp(0, 2 * self.gravity) };
+        state.upwards += up - (state.upwards >> MEAN_LOG2);
+        if state.upwards < self.least_upwards {
             state.upwards = self.gravity << MEAN_LOG2;
             self.level(state);
         }

@@ -42,6 +42,9 @@ const MOST_LOG2: u8 = 12;
 /// close one axis each, and sample 6 decides on rest.
 pub(super) const START_UP: u32 = 7;
 
+/// The job that looks after the vertical, which is the estimator's, too.
+pub(super) const VERTICAL: u32 = START_UP + 1;
+
 /// No job of the rest detection or of the compass.
 pub(super) const NO_JOB: u32 = u32::MAX;
 
