@@ -5,9 +5,6 @@ use tvc_imu::Micros;
 /// The system timer interrupts this often, us.
 pub const TIMER_PERIOD_US: u64 = 1_000;
 
-/// Cycles of the processor in a millisecond.
-const CYCLES_PER_MS: u32 = 48_000;
-
 /// Load is measured over this long, us.
 const LOAD_PERIOD_US: u64 = 1_000_000;
 
@@ -16,23 +13,23 @@ pub fn may_sleep(interrupted: Micros, end: Micros) -> bool {
     interrupted.after(TIMER_PERIOD_US) <= end
 }
 
-/// How busy the processor is.
+/// How busy the main loop is, without the interrupts.
 #[derive(Clone, Debug)]
 pub struct Load {
     since: Micros,
-    asleep: u32,
+    asleep_us: u32,
     permille: u16,
 }
 
 impl Load {
     /// Nothing measured yet.
     pub const fn new(now: Micros) -> Self {
-        Self { since: now, asleep: 0, permille: 0 }
+        Self { since: now, asleep_us: 0, permille: 0 }
     }
 
-    /// The processor has slept for this number of cycles.
-    pub fn slept(&mut self, cycles: u32) {
-        self.asleep = self.asleep.saturating_add(cycles);
+    /// The loop has slept for so long.
+    pub fn slept(&mut self, us: u32) {
+        self.asleep_us = self.asleep_us.saturating_add(us);
     }
 
     /// Draws the balance once a period.
@@ -40,14 +37,13 @@ impl Load {
         let elapsed_us = now.since(self.since);
         if elapsed_us >= LOAD_PERIOD_US {
             let elapsed_ms = elapsed_us as u32 / 1_000;
-            let permille = (elapsed_ms * (CYCLES_PER_MS / 1_000)).max(1);
-            let asleep_permille = self.asleep / permille;
+            let asleep_permille = self.asleep_us / elapsed_ms.max(1);
             self.permille = 1_000_u32.saturating_sub(asleep_permille) as u16;
-            (self.since, self.asleep) = (now, 0);
+            (self.since, self.asleep_us) = (now, 0);
         }
     }
 
-    /// Share of the last whole period that the processor was awake, per mille.
+    /// Share of the last whole period that the loop was awake, per mille.
     pub fn permille(&self) -> u16 {
         self.permille
     }
@@ -69,12 +65,12 @@ mod tests {
     #[test]
     fn load_is_the_share_of_a_second_awake() {
         let mut load = Load::new(Micros(0));
-        load.slept(600_000 * 48);
+        load.slept(600_000);
         load.update(Micros(999_999));
         assert_eq!(load.permille(), 0, "not a second yet");
         load.update(Micros(1_000_000));
         assert_eq!(load.permille(), 400);
-        load.slept(3_000_000 * 48);
+        load.slept(3_000_000);
         load.update(Micros(2_500_000));
         assert_eq!(load.permille(), 0);
     }

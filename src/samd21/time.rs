@@ -56,7 +56,7 @@ pub(crate) fn now_within(cs: CriticalSection) -> Micros {
 }
 
 /// Sleep until an interrupt [asks](wake::request) for the main loop, or `turn` [is near](is_near),
-/// or `deadline` has come. Gives the time then, and for how many cycles the core slept: less than a
+/// or `deadline` has come. Gives the time then, and for how long the main loop slept, us: less than a
 /// period of SysTick before the deadline it stays awake, since nothing would wake it in time.
 pub(crate) fn sleep_until(deadline: Micros, turn: Micros) -> (Micros, u32) {
     let end = deadline.min(turn);
@@ -69,30 +69,14 @@ pub(crate) fn sleep_until(deadline: Micros, turn: Micros) -> (Micros, u32) {
     if is_unseen {
         return (now(), 0);
     }
-    let mut asleep = 0;
-    // Two loops, each with no more than it needs: that of sleep turns at each of a burst's
-    // interrupts.
     if is_last {
         while !is_turn && now() < deadline && !critical_section::with(wake::take) {}
-    } else {
-        loop {
-            // Not by a critical section, which costs a third more: nobody calls this from within
-            // one.
-            cortex_m::interrupt::disable();
-            // SAFETY: they are held off.
-            let held = unsafe { CriticalSection::new() };
-            let is_asked = wake::take(held);
-            if !is_asked {
-                asleep += sleep(held);
-            }
-            // SAFETY: as above.
-            unsafe { cortex_m::interrupt::enable() };
-            if is_asked {
-                break;
-            }
-        }
+        return (now(), 0);
     }
-    (now(), asleep)
+    let began = now();
+    wake::sleep();
+    let ended = now();
+    (ended, ended.since(began) as u32)
 }
 
 /// Have SysTick [ask](wake::request) for the main loop before `deadline`, unless something else
@@ -113,17 +97,6 @@ pub(crate) fn seen(cs: CriticalSection) {
 /// Whether `turn` comes before the next interrupt of SysTick.
 pub(crate) fn is_near(turn: Micros) -> bool {
     critical_section::with(|cs| !may_sleep(Micros(ELAPSED_US.borrow(cs).get()), turn))
-}
-
-/// Sleep until the next interrupt, which runs when `_held` ends: none can slip in before the sleep.
-/// For how many cycles, a period of SysTick at most.
-fn sleep(_held: CriticalSection) -> u32 {
-    let before = SYST::get_current();
-    cortex_m::asm::wfi();
-    let after = SYST::get_current();
-    // It counts down, and comes round once at most.
-    let round = if before >= after { 0 } else { CYCLES_PER_MS };
-    before + round - after
 }
 
 /// Microseconds of up to 48,000 cycles. Division by 48 as a multiplication: 43,691 / 2^21 is 1/48 +

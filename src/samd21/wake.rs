@@ -1,11 +1,16 @@
 //! What ends the main loop's sleep: an interrupt that has left it something to do.
 //!
-//! Most interrupts leave nothing: of a burst's 23, one does. The others are over before the loop
-//! has looked at more than a flag.
+//! Most interrupts leave nothing: of a burst's 23, one does. The core goes back to sleep behind the
+//! others without the loop (SLEEPONEXIT).
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
+use atsamd_hal::pac::SCB;
 use critical_section::CriticalSection;
+
+/// Bit of SCR (ARMv6-M Architecture Reference Manual, B3.2.7): the core sleeps behind an interrupt
+/// that has interrupted the main loop.
+const SLEEPONEXIT: u32 = 1 << 1;
 
 /// The loop has something to do.
 static REQUESTED: AtomicBool = AtomicBool::new(false);
@@ -13,6 +18,27 @@ static REQUESTED: AtomicBool = AtomicBool::new(false);
 /// Have the main loop look round.
 pub(crate) fn request() {
     REQUESTED.store(true, Ordering::Relaxed);
+    sleep_on_exit(0);
+}
+
+/// Sleep until an interrupt [asks](request), unless one has asked already.
+pub(crate) fn sleep() {
+    cortex_m::interrupt::disable();
+    // SAFETY: they are held off.
+    if !take(unsafe { CriticalSection::new() }) {
+        sleep_on_exit(SLEEPONEXIT);
+        // An interrupt ends it although they are held off, and runs when they no longer are.
+        cortex_m::asm::wfi();
+    }
+    // SAFETY: as before it. Nobody calls this from within a critical section.
+    unsafe { cortex_m::interrupt::enable() };
+    // Where the sleep is over, one has asked.
+    REQUESTED.store(false, Ordering::Relaxed);
+}
+
+fn sleep_on_exit(bits: u32) {
+    // SAFETY: a write of a register that nobody reads; it has no other bit in use.
+    unsafe { (*SCB::PTR).scr.write(bits) };
 }
 
 /// Whether it has been asked to since it was last told so.
