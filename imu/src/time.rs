@@ -12,8 +12,6 @@ impl Micros {
     }
 
     /// Microseconds from `earlier` to `self`; 0 if `earlier` is later.
-    // Not inlined: fifty places call it.
-    #[inline(never)]
     #[must_use]
     pub const fn since(self, earlier: Self) -> u64 {
         self.0.saturating_sub(earlier.0)
