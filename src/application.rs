@@ -266,7 +266,6 @@ impl<'a, S: Imu> Application<'a, S> {
     }
 
     /// Before an order that may change all of the flight.
-    #[inline(never)]
     fn open(&mut self, board: &mut impl Board) {
         self.check_settings(board);
         self.open_state(board);
@@ -304,7 +303,6 @@ impl<'a, S: Imu> Application<'a, S> {
 
     /// Give the sensor's driver what it asks for next. While the sensor is sampled, that goes
     /// between two bursts. Says whether something waits for a moment that no event tells of.
-    #[inline(never)]
     fn ask_sensor(&mut self, now: Micros, board: &mut impl Board) -> bool {
         let bus = board.bus();
         // A save needs the bus free, and takes its turn first.

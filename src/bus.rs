@@ -295,7 +295,6 @@ impl<W: Wire> Master<W> {
     }
 
     /// Any step. Says whether it was the last one.
-    #[inline(never)]
     fn take_step(&mut self, now: impl FnOnce() -> Micros) -> bool {
         let Some(active) = &mut self.active else {
             self.wire.listen(false);

@@ -431,7 +431,6 @@ impl Flight {
     }
 
     /// The control of an axis, `dt_us` after the last.
-    #[inline(never)]
     fn steer(&mut self, now: Micros, axis: Axis, sample: &controller::Sample, dt_us: u32) {
         let rudder = self.rudder(now, axis);
         let is_active = self.state().is_active();

@@ -47,8 +47,6 @@ impl Matrix {
     const IDENTITY: Self = Self([[ONE, 0, 0], [0, ONE, 0], [0, 0, ONE]]);
 
     /// `self * vector + sum`, with [`BITS`]. What is too large stays at the end of the range.
-    // The vector by reference: the compiler copies six bytes by a call.
-    #[inline(never)]
     fn add(&self, vector: &[i16; 3], mut sum: [i32; 3]) -> [i32; 3] {
         for (column, component) in self.0.iter().zip(vector) {
             for (sum, factor) in sum.iter_mut().zip(column) {

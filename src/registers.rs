@@ -114,8 +114,6 @@ impl<const N: usize> Patrol<N> {
         self.compare(0, self.always, access) && self.compare(first, count, access)
     }
 
-    // Not inlined: it is called twice.
-    #[inline(never)]
     fn compare(&self, first: usize, count: usize, access: &mut impl Access) -> bool {
         let rows = self.table.get(first..).unwrap_or_default().iter();
         let held = self.held.get(first..).unwrap_or_default();

@@ -120,7 +120,6 @@ impl Servo {
     }
 }
 
-#[inline(never)]
 fn rounded(us: Q16) -> PulseUs {
     const LEAST: i32 = (PULSE_MIN_US as i32) << Q16::FRACTION;
     const MOST: i32 = (PULSE_MAX_US as i32) << Q16::FRACTION;

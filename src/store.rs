@@ -418,7 +418,6 @@ fn word(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes([at, at + 1, at + 2, at + 3].map(|at| bytes.get(at).copied().unwrap_or(0)))
 }
 
-#[inline(never)]
 fn half(bytes: &[u8], at: usize) -> u16 {
     u16::from_le_bytes([at, at + 1].map(|at| bytes.get(at).copied().unwrap_or(0)))
 }

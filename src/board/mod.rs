@@ -108,8 +108,6 @@ impl Board {
 
     /// Sleep until there is something to do: an event, the host, or the loop's next turn, which is
     /// due at `turn` at the latest.
-    // A function of its own, as the USB port's `start` is: 0.4 KB less flash.
-    #[inline(never)]
     pub(crate) fn wait(&mut self, turn: Micros) -> (Micros, Event) {
         loop {
             let burst_due = self.sampling.burst_due().unwrap_or(Micros(u64::MAX));
@@ -251,7 +249,6 @@ impl application::Board for Board {
         self.port.port()
     }
 
-    #[inline(never)]
     fn read(&mut self) -> &[u8] {
         self.port.read()
     }

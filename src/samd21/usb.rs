@@ -92,7 +92,6 @@ impl Port {
         }
     }
 
-    #[inline(never)]
     fn poll_device(&mut self, now: Micros) {
         PENDING.store(false, Ordering::Relaxed);
         TAKEN.store(true, Ordering::Relaxed);

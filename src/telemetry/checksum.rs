@@ -33,7 +33,6 @@ impl Checksum {
     }
 
     /// Writes `words`, little endian, to `place`, as far as it goes, and adds them.
-    #[inline(never)]
     pub(super) fn write(mut self, words: &[u32], place: &mut [u8]) -> Self {
         let (whole, rest) = place.as_chunks_mut();
         let mut last = words.get(whole.len()).copied().unwrap_or(0);

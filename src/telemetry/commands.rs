@@ -225,7 +225,6 @@ impl Telemetry {
 
     /// COMMAND_ACK to the asker, with `detail` as its first extension, `progress`: of a command
     /// that is refused the [`RefusalKind`] as a number, of one that goes on 255, unknown.
-    #[inline(never)]
     fn acknowledge_with(&mut self, command: u16, result: MavResult, detail: u8) {
         let [low, high] = command.to_le_bytes();
         let [system, component] = self.asker;

@@ -63,8 +63,6 @@ impl Telemetry {
         }
     }
 
-    // Not inlined: it is called from many places.
-    #[inline(never)]
     fn tell_word(&mut self, part: &mut Part, word: i32) {
         let _ = part.payload.extend_from_slice(&word.to_le_bytes());
         if part.payload.is_full() {

@@ -114,8 +114,6 @@ impl Rates {
     }
 
     /// Another step: whether the message is due in it.
-    // Not inlined: it is called from many places.
-    #[inline(never)]
     pub(super) fn due(&mut self, stream: Stream) -> bool {
         let Some(rate) = self.0.get_mut(stream as usize) else {
             return false;

@@ -44,7 +44,6 @@ impl Telemetry {
         self.send_frame(priority, [D::ID, D::EXTRA_CRC.into()], words);
     }
 
-    #[inline(never)]
     fn send_bytes(&mut self, priority: Priority, kind: [u32; 2], payload: &[u8]) {
         let mut words = [0; LONGEST.div_ceil(4)];
         for (index, byte) in payload.iter().enumerate() {
@@ -57,7 +56,6 @@ impl Telemetry {
 
     /// A frame with the payload `words`; `kind` is the message's number and CRC_EXTRA. A frame that
     /// is dropped uses up its sequence number, too.
-    #[inline(never)]
     fn send_frame(&mut self, priority: Priority, kind: [u32; 2], words: &[u32]) {
         let [id, extra_crc] = kind;
         let sequence = u32::from(self.sequence);
