@@ -28,7 +28,7 @@ use crate::words::words;
 
 /// From the last moment at which a burst may be over to the edge of its pulse, us: the step, with a
 /// reserve.
-pub const STEP_BUDGET_US: u32 = 400;
+pub const STEP_BUDGET_US: u32 = 320;
 
 /// Reserve for a burst that takes longer than [`Timing::burst_us`], us.
 const BURST_RESERVE_US: u32 = 1_000;

@@ -16,8 +16,8 @@ const WATCHDOG_CLEAR: usize = 0x4000_1008;
 const RESET: usize = 0xE000_ED0C;
 const RESET_ORDER: u32 = 0x05FA_0004;
 
-/// Looks at the flag in the longest frame, of at least eight cycles each, and some more.
-const LOOKS: u32 = 130_000;
+/// Looks at the flag in the longest frame, of at least five cycles each, and some more.
+const LOOKS: u32 = 200_000;
 /// Turns of a loop of three cycles or more in a microsecond.
 const TURNS_PER_US: u32 = 48 / 3;
 /// The longest frame, us.

@@ -27,13 +27,13 @@ fn there_are_as_many_ticks_as_the_table_says() {
 #[test]
 fn a_slower_sensor_is_sampled_less_often_and_a_fast_one_later() {
     for (stretch_us, lead_us, per_frame, too_slow) in [
-        (20, 2_340, 3, false),
-        (180, 5_700, 3, false),
-        (207, 6_267, 3, false),
-        (208, 6_288, 2, false),
-        (350, 9_270, 2, false),
-        (367, 9_627, 2, false),
-        (368, 9_648, 1, true),
+        (20, 2_260, 3, false),
+        (180, 5_620, 3, false),
+        (207, 6_187, 3, false),
+        (208, 6_208, 2, false),
+        (350, 9_190, 2, false),
+        (367, 9_547, 2, false),
+        (368, 9_568, 1, true),
     ] {
         let timing = Timing { stretch_us, ..timing(50, 400) };
         let plan = TickPlan::new(&timing);
@@ -79,16 +79,16 @@ fn bursts_are_measured_a_window_at_a_time_but_for_the_longest() {
 #[test]
 fn the_timer_ticks_its_lead_before_the_edge_and_evenly_before_that() {
     let lead_us = |i2c_khz| timing(50, i2c_khz).lead_us();
-    assert_eq!((lead_us(400), lead_us(100)), (3_264, 3_900));
+    assert_eq!((lead_us(400), lead_us(100)), (3_184, 3_820));
     let plan = |frame_hz, i2c_khz| TimerPlan::new(3, &timing(frame_hz, i2c_khz));
     let slow = plan(50, 400);
     assert_eq!((slow.period, slow.tick_period_us), (60_000, 6_666));
-    // The last would be at 42,900 with a whole burst.
-    assert_eq!(slow.ticks, [50_208, 22_900, 2_900]);
-    assert_eq!(plan(50, 100).ticks, [48_300, 8_580, 8_580]);
+    // The last would be at 43,140 with a whole burst.
+    assert_eq!(slow.ticks, [50_448, 23_140, 3_140]);
+    assert_eq!(plan(50, 100).ticks, [48_540, 8_820, 8_820]);
     let fast = plan(300, 400);
     assert_eq!((fast.period, fast.tick_period_us), (10_000, 6_666));
-    assert_eq!((fast.ticks[0], fast.plan.frames_per_tick), (2_900, 2));
+    assert_eq!((fast.ticks[0], fast.plan.frames_per_tick), (3_140, 2));
     assert_eq!(plan(0, 400), plan(50, 400));
     assert_eq!(plan(1_000, 400), plan(333, 400));
 }
