@@ -429,7 +429,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     fn check_vertical(&self, state: &mut State, down: &[Q15; 3], acc: &[i32; 3]) {
         let up = -((down[0] * acc[0] + down[1] * acc[1] + down[2] * acc[2]) >> 15);
         // A blow of many g says no more than a fall or twice gravity. No acceleration says nothing.
-        let up = if *acc == [0; 3] { self.gravity } else { up.clamp(0, 2 * self.gravity) };
+        let up = if *acc == [0; 3] { self.gravity } else { up.max(0).min(2 * self.gravity) };
         state.upwards += up - (state.upwards >> MEAN_LOG2);
         if state.upwards < self.least_upwards {
             state.upwards = self.gravity << MEAN_LOG2;
