@@ -158,7 +158,7 @@ const FILTERS: [Named; 9] = [
     ("complementary, fixed", fixed::<fixed::Complementary>, 5.5),
 ];
 
-/// The largest error of the tilt, deg, from 20 to 30 s after so many garbage samples.
+/// The largest error of the tilt, deg, from 20 to 30 s after that number of garbage samples.
 fn worst_deg((_, filter, _): Named, samples: u32, seeds: std::ops::Range<u32>) -> f64 {
     let mut worst_deg = 0.0f64;
     for garbage in Garbage::ALL {

@@ -297,7 +297,7 @@ fn an_impossible_offset_is_forgotten() {
     assert!(errors_deg.iter().all(|error| *error < 10.0), "{errors_deg:.1?}");
 }
 
-/// The Kalman filter's error a minute after so many samples of garbage, deg.
+/// The Kalman filter's error a minute after that number of garbage samples, deg.
 fn after_garbage_deg(seed: u32, samples: u32) -> f64 {
     let (mut body, mut estimator) = (Body::new(0.01, 0.1), started::<Kalman>());
     let mut noise = Noise(seed);
