@@ -56,8 +56,8 @@ pub(crate) fn now_within(cs: CriticalSection) -> Micros {
 }
 
 /// Sleep until an interrupt [asks](wake::request) for the main loop, or `turn` [is near](is_near),
-/// or `deadline` has come. Gives the time then, and for how long the main loop slept, us: less than a
-/// period of SysTick before the deadline it stays awake, since nothing would wake it in time.
+/// or `deadline` has come. Gives the time then, and for how long the main loop slept, us. Less than
+/// a period of SysTick before the deadline it stays awake: nothing would wake it in time.
 pub(crate) fn sleep_until(deadline: Micros, turn: Micros) -> (Micros, u32) {
     let end = deadline.min(turn);
     let (is_unseen, is_turn, is_last) = critical_section::with(|cs| {
