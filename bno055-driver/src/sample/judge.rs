@@ -119,18 +119,17 @@ impl Inspector {
             _ => fresh,
         };
         self.still.look(time, moves);
-        let held = self.held.take();
         let good = self.recent(time).copied();
+        // Behind a gap nothing tells whether a jump goes on.
+        let held = self.held.take().zip(good);
         if let Some(fault) = self.broken_rule(config, time, good.as_ref(), &now) {
             return Err(fault);
         }
         let Words([acc, mag, gyr]) = now;
         let mut sample = RawSample { time, acc, mag, gyr };
         let jump = if behind_failure { DISTURBED_JUMP } else { RATE_JUMP };
-        let is_confirmed = held.is_some_and(|held| {
-            let before = good.as_ref().map_or(held, Words::gyr);
-            goes_on(&before, &held, &sample.gyr, jump)
-        });
+        let is_confirmed =
+            held.is_some_and(|(held, before)| goes_on(&before.gyr(), &held, &sample.gyr, jump));
         let mut is_suspect = held.is_some() && !is_confirmed && !behind_failure;
         let mut cleared = false;
         if let Some(good) = good {
