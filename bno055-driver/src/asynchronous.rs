@@ -5,4 +5,4 @@
 
 use crate::front::front_end;
 
-front_end!(embedded_hal_async::i2c::I2c, embedded_hal_async::delay::DelayNs, embedded_hal_async, [async], [.await]);
+front_end!(embedded_hal_async::i2c::I2c, embedded_hal_async::delay::DelayNs, tvc_imu::asynchronous::Device, [async], [.await]);

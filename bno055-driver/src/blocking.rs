@@ -1,5 +1,5 @@
-//! The driver over a blocking [`embedded_hal`] bus.
+//! The driver over a blocking [`embedded_hal`](tvc_imu::blocking) bus.
 
 use crate::front::front_end;
 
-front_end!(embedded_hal::i2c::I2c, embedded_hal::delay::DelayNs, embedded_hal, [], []);
+front_end!(embedded_hal::i2c::I2c, embedded_hal::delay::DelayNs, tvc_imu::blocking::Device, [], []);

@@ -165,12 +165,6 @@ impl Driver {
         self.fault = Some(SensorFault::Booting);
     }
 
-    /// The present reason for missing samples: the first cause, until the chip samples again or has
-    /// a worse cause.
-    pub fn fault(&self) -> Option<SensorFault> {
-        self.fault
-    }
-
     /// The counters.
     pub fn health(&self) -> &Health {
         &self.health
@@ -438,6 +432,14 @@ impl Imu for Driver {
     fn missed(&mut self) -> SensorFault {
         self.health.count(SensorFault::Late);
         *self.fault.get_or_insert(SensorFault::Late)
+    }
+
+    fn fault(&self) -> Option<SensorFault> {
+        self.fault
+    }
+
+    fn failed_setups(&self) -> u32 {
+        self.health.failed_setups
     }
 
     fn fresh(&self) -> u32 {

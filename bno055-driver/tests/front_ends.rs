@@ -9,7 +9,7 @@ use std::task::{Context, Poll, Waker};
 
 use bno055_driver::config::{Address, Mode};
 use bno055_driver::{
-    Config, Micros, Profile, SensorFault, SoftIron, SystemError, SystemStatus, asynchronous,
+    Config, Imu, Micros, Profile, SensorFault, SoftIron, SystemError, SystemStatus, asynchronous,
     blocking,
 };
 use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};

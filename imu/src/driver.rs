@@ -76,6 +76,13 @@ pub trait Imu {
     /// Counts a tick without a burst, and gives the fault to report.
     fn missed(&mut self) -> SensorFault;
 
+    /// The present reason for missing samples: the first cause, until the sensor samples again or
+    /// has a worse cause.
+    fn fault(&self) -> Option<SensorFault>;
+
+    /// How many attempts to set up a sensor that answered have failed so far; wraps.
+    fn failed_setups(&self) -> u32;
+
     /// How many bursts had new data so far; wraps.
     fn fresh(&self) -> u32;
 

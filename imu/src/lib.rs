@@ -6,8 +6,14 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+#[cfg(feature = "async")]
+pub mod asynchronous;
+#[cfg(feature = "blocking")]
+pub mod blocking;
 mod driver;
 mod fault;
+#[cfg(any(feature = "blocking", feature = "async"))]
+mod front;
 mod hex;
 mod refresh;
 mod sample;
