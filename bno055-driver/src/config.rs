@@ -3,6 +3,7 @@
 use core::num::NonZeroU8;
 
 use tvc_imu::Description;
+use tvc_imu::judge::Rules;
 
 pub use crate::axes::{Axis, AxisMap, AxisMapError, Signed};
 pub use crate::mode::{Mode, Power};
@@ -12,6 +13,21 @@ pub use crate::sensors::{
     AccBandwidth, AccRange, GyrBandwidth, GyrRange, MagEffort, MagRate, Sensors,
 };
 pub use crate::units::{AccUnit, AngleUnit, GyrUnit, MAG_UT, Orientation, TemperatureUnit, Units};
+
+/// Shortest standstill of a dead sensor's words, us, and the same at 12 Hz bandwidth. There the
+/// gyroscope's noise is one count, and one refresh in 23 repeats its rates.
+const STILL_US: u32 = 65_000;
+/// See [`STILL_US`].
+const QUIET_STILL_US: u32 = 90_000;
+
+/// Largest jump of a rate that is not held: 250 deg/s, about the same counts in all units.
+const RATE_JUMP: u16 = 4_000;
+/// Largest jump that is not held after a failed transfer: 16 deg/s.
+const DISTURBED_JUMP: u16 = 256;
+
+/// Words of 0 or -1 are plausible this near to the last good ones. For accelerometer, magnetometer
+/// and gyroscope: 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (about the same counts in all units).
+const NEAR: [u16; 3] = [200, 80, 64];
 
 /// The chip's I2C address, chosen by its COM3 pin (data sheet section 4.6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -117,6 +133,26 @@ impl Config {
             rates_at: sample::rates_at(self.mode),
             // As measured by users.
             stretch_us: 180,
+        }
+    }
+
+    /// What is sound in a burst.
+    pub(crate) fn rules(&self) -> Rules {
+        let mode = self.mode;
+        // The modes of a fusion fix the bandwidth.
+        let is_quiet = self.sensors.gyr_bandwidth == GyrBandwidth::Hz12;
+        Rules {
+            acc_range: self.acc_range_counts(),
+            gyr_range: self.gyr_range_counts(),
+            near: NEAR,
+            jump: RATE_JUMP,
+            disturbed_jump: DISTURBED_JUMP,
+            still_us: if is_quiet { QUIET_STILL_US } else { STILL_US },
+            has_acc_and_gyr: mode.has_acc() && mode.has_gyr(),
+            // A sleeping sensor has no noise.
+            has_noisy_gyr: mode.has_gyr() && !mode.is_fusion() && self.power == Power::Normal,
+            may_rest: mode.is_fusion(),
+            needs_mag: self.needs_mag && mode.has_mag(),
         }
     }
 

@@ -4,23 +4,16 @@ mod sampling;
 
 use crate::config::Config;
 use crate::fusion::{self, FusionSample};
-use crate::health::Health;
 use crate::request::{Answer, Request};
-use crate::sample::{self, Evidence, Judged};
+use crate::sample;
 use crate::startup::{Goal, Progress, Startup};
 use crate::status::Identity;
 use sampling::{Errand, Sampling};
+use tvc_imu::judge::{Verdict, received};
 use tvc_imu::{
-    Bursts, BusError, Imu, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer,
+    Bursts, BusError, Health, Imu, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer,
     Transferred,
 };
-
-/// Longest time without a good burst before the driver sets the chip up anew. A shorter glitch of
-/// the cable does not reset the chip: the driver verifies the mode, and sampling goes on.
-pub const GLITCH_US: u64 = 60_000;
-
-/// The data of a burst, or the fault that makes them unusable.
-type Judgement<T> = Result<T, SensorFault>;
 
 #[derive(Clone, Debug)]
 enum Phase {
@@ -74,7 +67,7 @@ impl Driver {
     /// other words complete it.
     pub fn rates_burst(&self) -> Option<Transfer> {
         match &self.phase {
-            Phase::Sampling(sampling) if sampling.inspector.has_good() => {
+            Phase::Sampling(sampling) if sampling.trust.inspector().has_good() => {
                 sample::rates_burst(self.config.mode)
             }
             _ => None,
@@ -98,18 +91,14 @@ impl Driver {
         time: Micros,
         outcome: Transferred<'_>,
     ) -> Result<FusionSample, SensorFault> {
-        let Phase::Sampling(sampling) = &mut self.phase else {
+        let Phase::Sampling(Sampling { trust, .. }) = &mut self.phase else {
             return Err(self.cause());
         };
-        let bytes = match received(outcome, 0) {
-            Ok(bytes) => bytes,
-            Err(fault) => return self.no_data(time, fault),
+        let verdict = match received(outcome, 0) {
+            Ok(bytes) => trust.fused(&mut self.health, time, FusionSample::judge(time, bytes)),
+            Err(fault) => trust.silent(&mut self.health, time, fault),
         };
-        let judged = FusionSample::judge(time, bytes);
-        if judged.is_ok() {
-            sampling.weigh(Evidence::Sound);
-        }
-        self.conclude(time, judged)
+        self.take(time, verdict)
     }
 
     /// Sets the chip up anew with other settings.
@@ -182,42 +171,42 @@ impl Driver {
 
     /// The sample in the outcome of a burst, and its evidence on the chip.
     fn judge(&mut self, time: Micros, outcome: Transferred<'_>) -> Result<RawSample, SensorFault> {
-        let Phase::Sampling(sampling) = &mut self.phase else {
+        let Phase::Sampling(Sampling { trust, .. }) = &mut self.phase else {
             return Err(self.cause());
         };
-        let behind_failure = sampling.silent_since.is_some();
         // Rates of -1 on all axes come every few seconds at rest, but not after a lost burst.
-        let chance = if behind_failure { 0 } else { sample::RATES.into() };
-        let bytes = match received(outcome, chance) {
-            Ok(bytes) => bytes,
-            Err(fault) => return self.no_data(time, fault),
+        let verdict = match trust.received(outcome, sample::RATES.into()) {
+            Ok(bytes) => match sample::words(&self.config, trust.inspector(), bytes) {
+                Ok((words, is_whole)) => {
+                    let rules = self.config.rules();
+                    trust.judge(&mut self.health, &rules, time, words, is_whole)
+                }
+                Err(fault) => trust.conclude(&mut self.health, time, Err(fault)),
+            },
+            Err(fault) => trust.silent(&mut self.health, time, fault),
         };
-        let judged = sampling.inspector.judge(&self.config, time, bytes, behind_failure);
-        let Judged { sample, fresh, evidence, cleared } = match judged {
-            Ok(judged) => judged,
-            // Nobody drove the line for a part of the burst, which is a gap in the data.
-            Err(fault) if fault.is_bus() && sampling.weigh_ones() => {
-                return self.no_data(time, fault);
-            }
-            Err(fault) if fault.is_bus() => return self.unreliable(time),
-            Err(fault) => return self.conclude(time, Err(fault)),
-        };
-        self.health.fresh = self.health.fresh.wrapping_add(u32::from(fresh));
-        if cleared {
-            sampling.clear();
-        }
-        if sampling.weigh(evidence) {
-            self.conclude(time, Ok(sample))
-        } else {
-            self.unreliable(time)
-        }
+        self.take(time, verdict)
     }
 
-    /// Too many bursts were wrong: the chip is set up anew.
-    fn unreliable<T>(&mut self, time: Micros) -> Judgement<T> {
-        self.health.count(SensorFault::Unreliable);
-        self.restart(time, SensorFault::Unreliable);
-        Err(SensorFault::Unreliable)
+    /// The data of a burst, or the consequences of its fault.
+    fn take<T>(&mut self, time: Micros, verdict: Verdict<T>) -> Result<T, SensorFault> {
+        if let Phase::Sampling(sampling) = &mut self.phase {
+            sampling.burst_ended();
+        }
+        match verdict {
+            Verdict::Good(data) => {
+                self.fault = None;
+                Ok(data)
+            }
+            Verdict::Bad(fault) => {
+                self.fault = Some(fault);
+                Err(fault)
+            }
+            Verdict::Restart(fault) => {
+                self.restart(time, fault);
+                Err(fault)
+            }
+        }
     }
 
     fn cause(&self) -> SensorFault {
@@ -264,79 +253,26 @@ impl Driver {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return;
         };
-        let judged =
-            received(outcome, 0).and_then(|bytes| sampling.check().judge(bytes, &self.config));
-        match judged {
-            Ok(()) => {
-                self.health.verified = self.health.verified.wrapping_add(1);
-                sampling.right_register();
-            }
-            Err(fault) if fault.is_bus() => {
-                sampling.due = false;
-                self.bus_error(now, fault);
-            }
-            Err(fault) => {
-                self.health.mismatched = self.health.mismatched.wrapping_add(1);
-                if let Some(cause) = sampling.wrong_register(fault) {
-                    self.restart(now, cause);
-                }
-            }
+        let check = sampling.check();
+        let judged = received(outcome, 0).and_then(|bytes| check.judge(bytes, &self.config));
+        let verdict = sampling.trust.verified(&mut self.health, now, judged);
+        // A register that read wrong is read again at once.
+        sampling.due = sampling.trust.is_mismatched();
+        match verdict {
+            Verdict::Good(()) => sampling.passed(check),
+            Verdict::Bad(fault) if fault.is_bus() => self.fault = Some(fault),
+            Verdict::Bad(_) => {}
+            Verdict::Restart(fault) => self.restart(now, fault),
         }
     }
 
-    /// Draws the conclusions from a judged burst; withholds good data while a register is
-    /// mismatched.
-    fn conclude<T>(&mut self, time: Micros, judged: Judgement<T>) -> Judgement<T> {
-        let Phase::Sampling(sampling) = &mut self.phase else {
-            return Err(self.cause());
-        };
-        sampling.burst_ended();
-        let fault = match judged {
-            Ok(data) => {
-                if sampling.good_sample() {
-                    self.health.good = self.health.good.wrapping_add(1);
-                    self.health.last_good = Some(time);
-                    self.fault = None;
-                    return Ok(data);
-                }
-                self.health.withheld = self.health.withheld.wrapping_add(1);
-                SensorFault::RegisterMismatch
-            }
-            Err(fault) => {
-                self.health.count(fault);
-                match sampling.bad_sample(fault) {
-                    Some(cause) => {
-                        self.restart(time, cause);
-                        cause
-                    }
-                    None => fault,
-                }
-            }
-        };
-        self.fault = Some(fault);
-        Err(fault)
-    }
-
-    /// Draws the conclusions from a failed burst.
-    fn no_data<T>(&mut self, time: Micros, fault: SensorFault) -> Judgement<T> {
-        if let Phase::Sampling(sampling) = &mut self.phase {
-            sampling.burst_ended();
-        }
-        self.bus_error(time, fault);
-        Err(fault)
-    }
-
-    /// Notes a lost transfer. The chip may have reset, so the next verification reads the mode
-    /// first. Only a chip that stays silent is set up anew.
+    /// Notes a lost transfer between two bursts.
     fn bus_error(&mut self, now: Micros, fault: SensorFault) {
-        self.health.count(fault);
-        self.fault = Some(fault);
         let Phase::Sampling(sampling) = &mut self.phase else {
             return;
         };
-        sampling.suspect_reset();
-        let since = *sampling.silent_since.get_or_insert(now);
-        if now.since(since) >= GLITCH_US {
+        self.fault = Some(fault);
+        if let Verdict::<()>::Restart(fault) = sampling.trust.silent(&mut self.health, now, fault) {
             self.restart(now, fault);
         }
     }
@@ -350,7 +286,7 @@ impl Driver {
         let mut startup = Startup::new(Goal::Sampling, self.request_in_config());
         startup.begin(now);
         if let Phase::Sampling(sampling) = &self.phase {
-            startup.inspector = sampling.inspector.anew();
+            startup.inspector = sampling.trust.inspector().anew();
         }
         self.phase = Phase::Startup(startup);
     }
@@ -369,7 +305,7 @@ impl Imu for Driver {
                     Next::Transfer(request.read())
                 } else if sampling.due {
                     sampling.outstanding = Some(Errand::Verify);
-                    Next::Transfer(sampling.check().transfer(sampling.mismatched))
+                    Next::Transfer(sampling.check().transfer(sampling.trust.is_mismatched()))
                 } else {
                     Next::Sample
                 }
@@ -448,17 +384,5 @@ impl Imu for Driver {
 
     fn refresh(&self) -> &Refresh {
         &self.refresh
-    }
-}
-
-/// The bytes of an answer. All ones, in more than the `chance` bytes of a sensor at rest, are no
-/// answer: nobody drove the data line.
-fn received(outcome: Transferred<'_>, chance: usize) -> Result<&[u8], SensorFault> {
-    match outcome {
-        Ok(bytes) if bytes.len() > chance && bytes.iter().all(|byte| *byte == 0xFF) => {
-            Err(SensorFault::AllOnes)
-        }
-        Ok(bytes) => Ok(bytes),
-        Err(error) => Err(error.into()),
     }
 }

@@ -16,7 +16,6 @@ mod driver;
 #[cfg(any(feature = "blocking", feature = "async"))]
 mod front;
 mod fusion;
-mod health;
 mod mode;
 #[cfg(feature = "requests")]
 mod profile;
@@ -37,17 +36,16 @@ mod words;
 use request as profile;
 
 pub use config::Config;
-pub use driver::{Driver, GLITCH_US};
+pub use driver::Driver;
 pub use fusion::{FusionSample, QUATERNION_UNIT};
-pub use health::Health;
 #[cfg(feature = "requests")]
 pub use profile::ProfileError;
 pub use profile::{Profile, SoftIron};
 pub use request::{Answer, Request};
-pub use sample::STEP_AGE_US;
 pub use startup::BOOT_DEADLINE_US;
 pub use status::{CalibrationStatus, Identity, SelfTest, SystemError, SystemStatus};
+pub use tvc_imu::judge::{GLITCH_US, STEP_AGE_US};
 pub use tvc_imu::{
-    BusError, Bytes, Imu, Micros, Next, READ_MAX, RawSample, Sample, Scale, SensorFault,
+    BusError, Bytes, Health, Imu, Micros, Next, READ_MAX, RawSample, Sample, Scale, SensorFault,
     TRANSFER_DEADLINE_US, Transfer, Transferred, WRITE_MAX,
 };

@@ -1,15 +1,10 @@
 //! The sampling burst: its registers and its words.
 
-mod judge;
-mod still;
-
-use crate::config::Mode;
+use crate::config::{Config, Mode};
 use crate::registers;
 use crate::words;
-use tvc_imu::Transfer;
-
-pub use judge::STEP_AGE_US;
-pub(crate) use judge::{Evidence, Inspector, Judged};
+use tvc_imu::judge::{Inspector, Words};
+use tvc_imu::{SensorFault, Transfer};
 
 /// First register and length of the burst that reads all measurements of `mode`.
 const fn span(mode: Mode) -> (u8, u8) {
@@ -55,20 +50,29 @@ pub(crate) const fn rates_at(mode: Mode) -> u32 {
     (registers::GYR_DATA - first) as u32
 }
 
-/// Accelerometer, magnetometer and gyroscope words of a burst, in whole machine words: small cores
-/// copy words faster.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(align(4))]
-struct Words([[i16; 3]; 3]);
-
-impl Words {
-    const fn gyr(&self) -> [i16; 3] {
-        self.0[2]
-    }
+/// The words of a burst, and whether the burst is whole. The last good burst completes rates alone.
+///
+/// # Errors
+/// [`SensorFault::Protocol`] for another length than that of a burst.
+pub(crate) fn words(
+    config: &Config,
+    inspector: &Inspector,
+    bytes: &[u8],
+) -> Result<(Words, bool), SensorFault> {
+    let mode = config.mode;
+    let is_whole = bytes.len() != usize::from(RATES) || rates_burst(mode).is_none();
+    let words = if is_whole {
+        whole(mode, bytes)
+    } else {
+        let mut gyr = [0; 3];
+        words::decode(&mut gyr, bytes);
+        inspector.with_rates(gyr)
+    };
+    Ok((words.ok_or(SensorFault::Protocol)?, is_whole))
 }
 
-/// The words of a burst, zero for sensors that `mode` does not run; `None` if its length is wrong.
-fn words(mode: Mode, bytes: &[u8]) -> Option<Words> {
+/// The words of a whole burst; `None` if its length is wrong.
+fn whole(mode: Mode, bytes: &[u8]) -> Option<Words> {
     let (first, len) = span(mode);
     if bytes.len() != usize::from(len) {
         return None;

@@ -14,7 +14,9 @@ mod driver;
 mod fault;
 #[cfg(any(feature = "blocking", feature = "async"))]
 mod front;
+mod health;
 mod hex;
+pub mod judge;
 mod refresh;
 mod sample;
 mod time;
@@ -22,6 +24,7 @@ mod transfer;
 
 pub use driver::{Bursts, Description, Imu, Next};
 pub use fault::SensorFault;
+pub use health::Health;
 pub use hex::Hex;
 pub use refresh::Refresh;
 pub use sample::{NewRates, RawSample, Sample, Scale};

@@ -2,12 +2,25 @@ use std::vec::Vec;
 
 use super::*;
 use crate::config::{AccRange, AccUnit, Config, GyrBandwidth, GyrRange, Sensors, Units};
+use tvc_imu::judge::{Evidence, Judged, STEP_AGE_US};
 use tvc_imu::{Micros, SensorFault};
 
 const REST: [i16; 9] = [3, -2, 981, 320, -90, 640, 1, -4, 2];
 
 fn bytes(words: [i16; 9]) -> Vec<u8> {
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
+}
+
+/// Judges a burst.
+fn judge(
+    inspector: &mut Inspector,
+    config: &Config,
+    time: Micros,
+    bytes: &[u8],
+    behind_failure: bool,
+) -> Result<Judged, SensorFault> {
+    let (words, is_whole) = words(config, inspector, bytes)?;
+    inspector.judge(&config.rules(), time, words, is_whole, behind_failure)
 }
 
 fn with(changes: &[(usize, i16)]) -> [i16; 9] {
@@ -24,7 +37,7 @@ fn verdicts(config: &Config, bursts: &[[i16; 9]]) -> Vec<Option<SensorFault>> {
     (0..)
         .map(|tick| Micros(tick * 10_000))
         .zip(bursts)
-        .map(|(time, burst)| inspector.judge(config, time, &bytes(*burst), false).err())
+        .map(|(time, burst)| judge(&mut inspector, config, time, &bytes(*burst), false).err())
         .collect()
 }
 
@@ -35,7 +48,8 @@ fn verdict(burst: [i16; 9]) -> Option<SensorFault> {
 #[test]
 fn a_sample_by_hand() {
     let judged =
-        Inspector::default().judge(&Config::default(), Micros(5), &bytes(REST), false).unwrap();
+        judge(&mut Inspector::default(), &Config::default(), Micros(5), &bytes(REST), false)
+            .unwrap();
     assert!(judged.fresh);
     let sample = judged.sample;
     assert_eq!((sample.time, sample.acc), (Micros(5), [3, -2, 981]));
@@ -66,10 +80,11 @@ fn each_mode_reads_its_sensors_in_one_burst() {
         assert_eq!(span(mode), expected, "{mode:?}");
     }
     let config = Config { mode: Mode::MagGyr, ..Config::default() };
-    let judged = Inspector::default().judge(&config, Micros(0), &bytes(REST)[6..], false).unwrap();
+    let judged =
+        judge(&mut Inspector::default(), &config, Micros(0), &bytes(REST)[6..], false).unwrap();
     assert_eq!((judged.sample.acc, judged.sample.mag), ([0; 3], [320, -90, 640]));
     assert_eq!(
-        Inspector::default().judge(&config, Micros(0), &bytes(REST), false),
+        judge(&mut Inspector::default(), &config, Micros(0), &bytes(REST), false),
         Err(SensorFault::Protocol)
     );
 }
@@ -123,9 +138,9 @@ fn a_sensor_does_not_vanish_in_one_refresh() {
     // After a gap the last value says nothing.
     let mut inspector = Inspector::default();
     let config = Config::default();
-    assert!(inspector.judge(&config, Micros(0), &bytes(turning), false).is_ok());
+    assert!(judge(&mut inspector, &config, Micros(0), &bytes(turning), false).is_ok());
     let later = Micros(STEP_AGE_US + 1);
-    assert!(inspector.judge(&config, later, &bytes(gone(6, 0)), false).is_ok());
+    assert!(judge(&mut inspector, &config, later, &bytes(gone(6, 0)), false).is_ok());
 }
 
 /// Samples of accepted bursts, 10 ms apart: the rates, and whether the burst is suspect.
@@ -135,7 +150,7 @@ fn believed(bursts: &[[i16; 9]]) -> Vec<([i16; 3], bool)> {
         .zip(bursts)
         .map(|(tick, burst)| {
             let time = Micros(tick * 10_000);
-            let judged = inspector.judge(&Config::default(), time, &bytes(*burst), false);
+            let judged = judge(&mut inspector, &Config::default(), time, &bytes(*burst), false);
             let Judged { sample, evidence, .. } = judged.unwrap();
             (sample.gyr, evidence == Evidence::Suspect)
         })
@@ -149,7 +164,8 @@ fn behind_a_failure_of_the_bus_rates_that_moved_a_little_are_held_until_they_are
     let mut inspector = Inspector::default();
     let mut judge = |ms: u64, burst: [i16; 9], behind_failure| {
         let config = Config::default();
-        let judged = inspector.judge(&config, Micros(1_000 * ms), &bytes(burst), behind_failure);
+        let judged =
+            judge(&mut inspector, &config, Micros(1_000 * ms), &bytes(burst), behind_failure);
         let judged = judged.unwrap();
         assert_eq!(judged.evidence, Evidence::Sound);
         judged.sample.gyr
@@ -244,7 +260,7 @@ fn dead_after_us(config: &Config, period_us: u64, died_us: u64) -> Option<u64> {
         .find(|&time| {
             let refresh = time.min(died_us) / period_us;
             let burst = with(&[(0, (time % 7) as i16), (7, (refresh % 5) as i16)]);
-            let judged = inspector.judge(config, Micros(time), &bytes(burst), false);
+            let judged = judge(&mut inspector, config, Micros(time), &bytes(burst), false);
             assert!(matches!(judged, Ok(_) | Err(SensorFault::Frozen)));
             judged.is_err()
         })
@@ -336,7 +352,7 @@ fn rates_alone_come_with_the_other_words_of_the_good_burst_before() {
     let mut inspector = Inspector::default();
     let config = Config::default();
     let judge = |inspector: &mut Inspector, tick: u64, bytes: &[u8]| {
-        inspector.judge(&config, Micros(tick * 6_667), bytes, false)
+        judge(inspector, &config, Micros(tick * 6_667), bytes, false)
     };
     // No good burst yet, so they cannot be judged.
     let first = judge(&mut inspector, 0, &rates(REST));
@@ -371,10 +387,10 @@ fn rates_alone_are_judged_as_those_of_a_whole_burst() {
     for (before, [x, y, z], fault) in cases {
         let mut inspector = Inspector::default();
         let config = Config::default();
-        assert!(inspector.judge(&config, Micros(0), &bytes(before), false).is_ok());
+        assert!(judge(&mut inspector, &config, Micros(0), &bytes(before), false).is_ok());
         let mut after = before;
         (after[6], after[7], after[8]) = (x, y, z);
-        let judged = inspector.judge(&config, Micros(6_667), &rates(after), false);
+        let judged = judge(&mut inspector, &config, Micros(6_667), &rates(after), false);
         assert_eq!(judged, Err(fault), "{after:?}");
     }
 }

@@ -5,12 +5,13 @@ mod judges;
 use crate::config::{Config, ResetPolicy};
 use crate::registers as reg;
 use crate::request::{Answer, Request};
-use crate::sample::{self, Inspector};
+use crate::sample;
 use crate::settings::Setting;
 use crate::status::Identity;
 use judges::{
     answer, await_clock, await_mode, await_running, await_self_test, confirm, diagnose, identify,
 };
+use tvc_imu::judge::{Inspector, Judged};
 use tvc_imu::{Micros, SensorFault, Transfer, Transferred};
 
 /// Longest time for a chip to answer and identify itself before the driver reports a fault. 850 ms
@@ -205,7 +206,7 @@ impl Startup {
                 self.live = 0;
                 await_running(bytes, config)
             }
-            Step::AwaitData => match self.inspector.judge(config, now, bytes, false) {
+            Step::AwaitData => match self.look(now, bytes, config) {
                 // The second fresh burst shows that the data move.
                 Ok(judged) if judged.fresh && self.live >= 1 => Verdict::Reached,
                 Ok(judged) => {
@@ -216,6 +217,12 @@ impl Startup {
             },
             Step::Suspend => Verdict::Reached,
         }
+    }
+
+    /// Judges a burst before the first sample.
+    fn look(&mut self, now: Micros, bytes: &[u8], config: &Config) -> Result<Judged, SensorFault> {
+        let (words, is_whole) = sample::words(config, &self.inspector, bytes)?;
+        self.inspector.judge(&config.rules(), now, words, is_whole, false)
     }
 
     /// Takes the outcome of the transfer from [`Startup::next`]; ignores any other.

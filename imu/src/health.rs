@@ -1,6 +1,6 @@
 //! Counters of samples, faults and set-ups.
 
-use tvc_imu::{Micros, SensorFault};
+use crate::{Micros, SensorFault};
 
 /// Counters since the driver was made; they wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,7 +48,8 @@ pub struct Health {
 }
 
 impl Health {
-    pub(crate) fn count(&mut self, fault: SensorFault) {
+    /// Counts a fault.
+    pub fn count(&mut self, fault: SensorFault) {
         let counter = match fault {
             SensorFault::Nak => &mut self.nak,
             SensorFault::Timeout => &mut self.timeout,

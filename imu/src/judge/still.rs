@@ -4,7 +4,7 @@
 //! BNO055 without fusion is not documented. So the driver measures the mean time between two
 //! changes. A sensor is dead after several mean times without a change.
 
-use tvc_imu::Micros;
+use crate::Micros;
 
 /// Mean times between two changes for which a dead sensor stands still.
 ///

@@ -5,7 +5,7 @@
 //! | rule | refused | reason |
 //! |---|---|---|
 //! | length | another number of bytes than asked for | |
-//! | all zero | acceleration and rates of zero | CONFIG mode shows zeros; live sensors have noise |
+//! | all zero | acceleration and rates of zero | a sensor that rests shows zeros; live ones have noise |
 //! | vanished | a sensor's three words become 0, or -1, from afar | no body stops so on all axes |
 //! | frozen | rates that stand still for several refreshes | noise moves their last bits |
 //! | range | accelerations or rates beyond the sensor's range | sensors clip at their range |
@@ -26,38 +26,56 @@
 //! limit to its jumps: a magnet that passes moves it as far and as fast as a wrong bit.
 
 use super::still::Still;
-use super::{RATES, Words, rates_burst, words};
-use crate::config::{Config, Mode, Power};
-use crate::sensors::GyrBandwidth;
-use crate::words as bytes;
-use tvc_imu::{Micros, RawSample, SensorFault};
+use crate::{Micros, RawSample, SensorFault};
 
 /// Greatest age of a good burst for comparisons: after a longer gap, any change is possible.
 pub const STEP_AGE_US: u64 = 65_000;
 
-/// Shortest standstill of a dead sensor's words, us, and the same at 12 Hz bandwidth. There the
-/// gyroscope's noise is one count, and one refresh in 23 repeats its rates.
-const STILL_US: u32 = 65_000;
-/// See [`STILL_US`].
-const QUIET_STILL_US: u32 = 90_000;
-
-/// Largest jump of a rate that is not held: 250 deg/s, about the same counts in all units. Fast
-/// hands change a rate by 300 deg/s within a refresh of 10 ms, and by 450 within one of 15 ms.
-const RATE_JUMP: u16 = 4_000;
-/// Largest jump that is not held after a failed transfer: 16 deg/s.
-const DISTURBED_JUMP: u16 = 256;
-
-/// Words of 0 or -1 are plausible if the sensor's last good words were this near to them. For
-/// accelerometer, magnetometer and gyroscope: 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (about the same
-/// counts in all units).
-const NEAR: [u16; 3] = [200, 80, 64];
-
 /// Place of the magnetometer among the sensors of a burst.
 const MAG: usize = 1;
 
+/// Accelerometer, magnetometer and gyroscope words of a burst, zero for a sensor that does not run;
+/// in whole machine words: small cores copy words faster.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(align(4))]
+pub struct Words(pub [[i16; 3]; 3]);
+
+impl Words {
+    const fn gyr(&self) -> [i16; 3] {
+        self.0[2]
+    }
+}
+
+/// What is sound in the bursts of a sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rules {
+    /// The accelerometer's range, counts.
+    pub acc_range: u16,
+    /// The gyroscope's range, counts.
+    pub gyr_range: u16,
+    /// Words of 0 or -1 are plausible if the sensor's last good words were this near to them, for
+    /// accelerometer, magnetometer and gyroscope, counts.
+    pub near: [u16; 3],
+    /// Largest jump of a rate that is not held, counts. Fast hands change a rate by 300 deg/s
+    /// within a refresh of 10 ms, and by 450 within a refresh of 15 ms.
+    pub jump: u16,
+    /// Largest jump that is not held after a failed transfer, counts.
+    pub disturbed_jump: u16,
+    /// Shortest standstill of a dead sensor's words, us.
+    pub still_us: u32,
+    /// Accelerometer and gyroscope run.
+    pub has_acc_and_gyr: bool,
+    /// Every rate has noise.
+    pub has_noisy_gyr: bool,
+    /// Words of zero may stand: a fusion has removed offset and noise.
+    pub may_rest: bool,
+    /// A field of zero is a fault.
+    pub needs_mag: bool,
+}
+
 /// The judge of bursts, with its memory of earlier bursts.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Inspector {
+pub struct Inspector {
     /// Last burst, good or bad.
     last: Option<Words>,
     /// Last good burst.
@@ -70,18 +88,20 @@ pub(crate) struct Inspector {
 
 /// A burst that was accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Judged {
-    pub(crate) sample: RawSample,
+pub struct Judged {
+    /// The sample.
+    pub sample: RawSample,
     /// Whether it differs from the burst before.
-    pub(crate) fresh: bool,
-    pub(crate) evidence: Evidence,
+    pub fresh: bool,
+    /// Evidence on the wire.
+    pub evidence: Evidence,
     /// An earlier burst was suspect for words of -1, and motion explains them.
-    pub(crate) cleared: bool,
+    pub cleared: bool,
 }
 
 /// Evidence of an accepted burst on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Evidence {
+pub enum Evidence {
     /// Nothing wrong.
     Sound,
     /// Rates alone, a third of a burst.
@@ -92,48 +112,52 @@ pub(crate) enum Evidence {
 
 impl Inspector {
     /// For the same chip after another set-up: its refresh rate is known.
-    pub(crate) fn anew(&self) -> Self {
+    #[must_use]
+    pub fn anew(&self) -> Self {
         Self { still: self.still.anew(), ..Self::default() }
     }
 
     /// Whether a burst of the rates alone can be judged: a good burst before has the other words.
-    pub(crate) fn has_good(&self) -> bool {
+    #[must_use]
+    pub fn has_good(&self) -> bool {
         self.good.is_some()
     }
 
-    /// The sample in a burst, or the fault of the first rule that the burst breaks.
+    /// The sample in the words of a burst, or the fault of the first rule that the burst breaks.
+    /// `is_whole` tells a whole burst from rates that [`with_rates`](Self::with_rates) completed.
     /// `behind_failure` says that the transfer before it failed on the bus.
-    pub(crate) fn judge(
+    ///
+    /// # Errors
+    /// The fault.
+    pub fn judge(
         &mut self,
-        config: &Config,
+        rules: &Rules,
         time: Micros,
-        bytes: &[u8],
+        now: Words,
+        is_whole: bool,
         behind_failure: bool,
     ) -> Result<Judged, SensorFault> {
-        let whole = bytes.len() != usize::from(RATES) || rates_burst(config.mode).is_none();
-        let now = if whole { words(config.mode, bytes) } else { self.with_rates(bytes) };
-        let now = now.ok_or(SensorFault::Protocol)?;
         let fresh = self.last != Some(now);
         let moves = match self.last.replace(now) {
-            Some(last) if has_noisy_gyr(config) => last.gyr() != now.gyr(),
+            Some(last) if rules.has_noisy_gyr => last.gyr() != now.gyr(),
             _ => fresh,
         };
         self.still.look(time, moves);
         let good = self.recent(time).copied();
         // Behind a gap nothing tells whether a jump goes on.
         let held = self.held.take().zip(good);
-        if let Some(fault) = self.broken_rule(config, time, good.as_ref(), &now) {
+        if let Some(fault) = self.broken_rule(rules, time, good.as_ref(), &now) {
             return Err(fault);
         }
         let Words([acc, mag, gyr]) = now;
         let mut sample = RawSample { time, acc, mag, gyr };
-        let jump = if behind_failure { DISTURBED_JUMP } else { RATE_JUMP };
+        let jump = if behind_failure { rules.disturbed_jump } else { rules.jump };
         let is_confirmed =
             held.is_some_and(|(held, before)| goes_on(&before.gyr(), &held, &sample.gyr, jump));
         let mut is_suspect = held.is_some() && !is_confirmed && !behind_failure;
         let mut cleared = false;
         if let Some(good) = good {
-            let [acc, mag, gyr] = self.ones.look(&good, &now, &mut cleared);
+            let [acc, mag, gyr] = self.ones.look(rules, &good, &now, &mut cleared);
             is_suspect |= acc || mag || gyr;
             if !is_confirmed && (gyr || moved(&good.gyr(), &sample.gyr, jump)) {
                 self.held = Some(sample.gyr);
@@ -141,7 +165,7 @@ impl Inspector {
             }
         }
         self.good = Some((time, Words([sample.acc, sample.mag, sample.gyr])));
-        let evidence = match (is_suspect, whole) {
+        let evidence = match (is_suspect, is_whole) {
             (true, _) => Evidence::Suspect,
             (false, true) => Evidence::Sound,
             (false, false) => Evidence::Little,
@@ -153,27 +177,28 @@ impl Inspector {
     /// recent.
     fn broken_rule(
         &self,
-        config: &Config,
+        rules: &Rules,
         time: Micros,
         good: Option<&Words>,
         now: &Words,
     ) -> Option<SensorFault> {
-        if all_zero(config.mode, now) {
+        if all_zero(rules, now) {
             return Some(SensorFault::AllZero);
         }
-        if let Some(fault) = good.and_then(|good| vanished(config.mode, good, now)) {
+        if let Some(fault) = good.and_then(|good| vanished(rules, good, now)) {
             return Some(fault);
         }
-        if self.still.is_dead(time, still_us(config)) {
+        if self.still.is_dead(time, rules.still_us) {
             return Some(SensorFault::Frozen);
         }
-        out_of_range(config, now).then_some(SensorFault::Implausible)
+        out_of_range(rules, now).then_some(SensorFault::Implausible)
     }
 
-    /// The words of a burst of the rates alone, completed by the last good burst.
-    fn with_rates(&self, bytes: &[u8]) -> Option<Words> {
-        let (_, Words([acc, mag, mut gyr])) = self.good?;
-        bytes::decode(&mut gyr, bytes);
+    /// The words of a burst of the rates alone, completed by the last good burst; `None` without a
+    /// good burst.
+    #[must_use]
+    pub fn with_rates(&self, gyr: [i16; 3]) -> Option<Words> {
+        let (_, Words([acc, mag, _])) = self.good?;
         Some(Words([acc, mag, gyr]))
     }
 
@@ -184,35 +209,21 @@ impl Inspector {
     }
 }
 
-/// Whether every rate has noise: fusion removes it, and a sleeping sensor has none.
-fn has_noisy_gyr(config: &Config) -> bool {
-    let mode = config.mode;
-    mode.has_gyr() && !mode.is_fusion() && config.power == Power::Normal
-}
-
-fn still_us(config: &Config) -> u32 {
-    match config.sensors.gyr_bandwidth {
-        GyrBandwidth::Hz12 => QUIET_STILL_US,
-        _ => STILL_US,
-    }
-}
-
-/// Whether the burst may show CONFIG mode, in which all outputs are zero.
+/// Whether the burst may show a sensor that measures nothing: all outputs are zero.
 ///
 /// A magnetometer that has not measured yet also has a field of zero. Acceleration and rate suffice
 /// if both are live.
-fn all_zero(mode: Mode, Words([acc, mag, gyr]): &Words) -> bool {
-    let both = mode.has_acc() && mode.has_gyr();
-    *acc == [0; 3] && *gyr == [0; 3] && (both || *mag == [0; 3])
+fn all_zero(rules: &Rules, Words([acc, mag, gyr]): &Words) -> bool {
+    *acc == [0; 3] && *gyr == [0; 3] && (rules.has_acc_and_gyr || *mag == [0; 3])
 }
 
-/// Whether the three words of a sensor have all become 0, or all -1, from farther than [`NEAR`].
-/// Then nobody drove the data line, or the sensor has died. A magnetometer may measure nothing for
-/// a while. Fusion removes offset and noise, so a rate of zero may stand.
-fn vanished(mode: Mode, Words(good): &Words, Words(now): &Words) -> Option<SensorFault> {
-    let mut sensors = now.iter().zip(good).zip(NEAR).enumerate();
+/// Whether the three words of a sensor have all become 0, or all -1, from farther than
+/// [`Rules::near`]. Then nobody drove the data line, or the sensor has died. A magnetometer may
+/// measure nothing for a while.
+fn vanished(rules: &Rules, Words(good): &Words, Words(now): &Words) -> Option<SensorFault> {
+    let mut sensors = now.iter().zip(good).zip(rules.near).enumerate();
     sensors.find_map(|(sensor, ((now, good), near))| {
-        let may_be_zero = sensor == MAG || mode.is_fusion();
+        let may_be_zero = sensor == MAG || rules.may_rest;
         let fault = match now {
             [-1, -1, -1] => SensorFault::AllOnes,
             [0, 0, 0] if !may_be_zero => SensorFault::Torn,
@@ -222,15 +233,16 @@ fn vanished(mode: Mode, Words(good): &Words, Words(now): &Words) -> Option<Senso
     })
 }
 
-/// Whether a word is beyond the configured range and a sixty-fourth of it, or the magnetic field is
-/// zero. Sensors clip at their range; offsets come on top.
-fn out_of_range(config: &Config, Words([acc, mag, gyr]): &Words) -> bool {
-    let (acc_range, gyr_range) = (config.acc_range_counts(), config.gyr_range_counts());
-    let beyond =
-        |words: &[i16; 3], limit: u16| words.iter().any(|word| word.unsigned_abs() > limit);
-    beyond(acc, acc_range + acc_range / 64)
-        || beyond(gyr, gyr_range + gyr_range / 64)
-        || config.needs_mag && config.mode.has_mag() && *mag == [0; 3]
+/// Whether a word is beyond the range and a sixty-fourth of it, or the magnetic field is zero.
+/// Sensors clip at their range; offsets come on top.
+fn out_of_range(rules: &Rules, Words([acc, mag, gyr]): &Words) -> bool {
+    let beyond = |words: &[i16; 3], range: u16| {
+        let limit = range.saturating_add(range / 64);
+        words.iter().any(|word| word.unsigned_abs() > limit)
+    };
+    beyond(acc, rules.acc_range)
+        || beyond(gyr, rules.gyr_range)
+        || rules.needs_mag && *mag == [0; 3]
 }
 
 /// Words of -1: what a data line shows that nobody drives, and what motion passes.
@@ -247,11 +259,17 @@ impl Default for Ones {
 }
 
 impl Ones {
-    /// The sensors of which a word has come to -1 from farther than [`NEAR`]. `crossed` says that
+    /// The sensors of which a word has come to -1 from farther than [`Rules::near`]. `crossed` says that
     /// a word went on from -1 as in motion, and that no word jumped back.
-    fn look(&mut self, Words(good): &Words, Words(now): &Words, crossed: &mut bool) -> [bool; 3] {
+    fn look(
+        &mut self,
+        rules: &Rules,
+        Words(good): &Words,
+        Words(now): &Words,
+        crossed: &mut bool,
+    ) -> [bool; 3] {
         let mut returned = false;
-        let mut sensors = now.iter().zip(good).zip(&mut self.from.0).zip(NEAR);
+        let mut sensors = now.iter().zip(good).zip(&mut self.from.0).zip(rules.near);
         let came = [(); 3].map(|()| {
             let Some((((now, good), from), near)) = sensors.next() else {
                 return false;
