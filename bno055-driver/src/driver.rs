@@ -9,7 +9,7 @@ use crate::sample;
 use crate::startup::{Goal, Progress, Startup};
 use crate::status::Identity;
 use sampling::{Errand, Sampling};
-use tvc_imu::judge::{Verdict, received};
+use tvc_imu::judge::{Rules, Verdict, Words, received};
 use tvc_imu::{
     Bursts, BusError, Health, Imu, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer,
     Transferred,
@@ -33,6 +33,8 @@ enum Phase {
 #[derive(Clone, Debug)]
 pub struct Driver {
     config: Config,
+    /// Of the settings.
+    rules: Rules,
     phase: Phase,
     fault: Option<SensorFault>,
     health: Health,
@@ -46,6 +48,7 @@ impl Driver {
     /// A driver that sets the chip up by `config`.
     pub fn new(config: Config) -> Self {
         Self {
+            rules: config.rules(),
             config,
             phase: Phase::Startup(Startup::new(Goal::Sampling, None)),
             fault: Some(SensorFault::Booting),
@@ -94,15 +97,18 @@ impl Driver {
         let Phase::Sampling(Sampling { trust, .. }) = &mut self.phase else {
             return Err(self.cause());
         };
-        let verdict = match received(outcome, 0) {
-            Ok(bytes) => trust.fused(&mut self.health, time, FusionSample::judge(time, bytes)),
+        let judged = received(outcome, 0).map(|bytes| FusionSample::judge(time, bytes));
+        let verdict = match judged {
+            Ok(judged) => trust.fused(&mut self.health, time, judged.map(|_| ())),
             Err(fault) => trust.silent(&mut self.health, time, fault),
         };
-        self.take(time, verdict)
+        self.take(time, verdict)?;
+        judged.flatten()
     }
 
     /// Sets the chip up anew with other settings.
     pub fn reconfigure(&mut self, config: Config) {
+        self.rules = config.rules();
         self.config = config;
         self.resume();
     }
@@ -174,29 +180,33 @@ impl Driver {
         let Phase::Sampling(Sampling { trust, .. }) = &mut self.phase else {
             return Err(self.cause());
         };
+        let mut words = Words::default();
         // Rates of -1 on all axes come every few seconds at rest, but not after a lost burst.
         let verdict = match trust.received(outcome, sample::RATES.into()) {
-            Ok(bytes) => match sample::words(&self.config, trust.inspector(), bytes) {
-                Ok((words, is_whole)) => {
-                    let rules = self.config.rules();
-                    trust.judge(&mut self.health, &rules, time, words, is_whole)
-                }
+            Ok(bytes) => match sample::read(&mut words, &self.config, trust.inspector(), bytes) {
+                Ok(is_whole) => trust.judge(&mut self.health, &self.rules, time, &words, is_whole),
                 Err(fault) => trust.conclude(&mut self.health, time, Err(fault)),
             },
             Err(fault) => trust.silent(&mut self.health, time, fault),
         };
-        self.take(time, verdict)
+        self.take(time, verdict)?;
+        match &self.phase {
+            Phase::Sampling(Sampling { trust, .. }) => trust.inspector().sample(),
+            _ => None,
+        }
+        .ok_or(SensorFault::Booting)
     }
 
-    /// The data of a burst, or the consequences of its fault.
-    fn take<T>(&mut self, time: Micros, verdict: Verdict<T>) -> Result<T, SensorFault> {
+    /// Takes the consequences of a burst.
+    #[inline]
+    fn take(&mut self, time: Micros, verdict: Verdict) -> Result<(), SensorFault> {
         if let Phase::Sampling(sampling) = &mut self.phase {
             sampling.burst_ended();
         }
         match verdict {
-            Verdict::Good(data) => {
+            Verdict::Good => {
                 self.fault = None;
-                Ok(data)
+                Ok(())
             }
             Verdict::Bad(fault) => {
                 self.fault = Some(fault);
@@ -259,7 +269,7 @@ impl Driver {
         // A register that read wrong is read again at once.
         sampling.due = sampling.trust.is_mismatched();
         match verdict {
-            Verdict::Good(()) => sampling.passed(check),
+            Verdict::Good => sampling.passed(check),
             Verdict::Bad(fault) if fault.is_bus() => self.fault = Some(fault),
             Verdict::Bad(_) => {}
             Verdict::Restart(fault) => self.restart(now, fault),
@@ -272,7 +282,7 @@ impl Driver {
             return;
         };
         self.fault = Some(fault);
-        if let Verdict::<()>::Restart(fault) = sampling.trust.silent(&mut self.health, now, fault) {
+        if let Verdict::Restart(fault) = sampling.trust.silent(&mut self.health, now, fault) {
             self.restart(now, fault);
         }
     }

@@ -50,37 +50,28 @@ pub(crate) const fn rates_at(mode: Mode) -> u32 {
     (registers::GYR_DATA - first) as u32
 }
 
-/// The words of a burst, and whether the burst is whole. The last good burst completes rates alone.
+/// Fills in the `words` of a burst; whether the burst is whole. The last good burst completes rates
+/// alone.
 ///
 /// # Errors
 /// [`SensorFault::Protocol`] for another length than that of a burst.
-pub(crate) fn words(
+#[inline]
+pub(crate) fn read(
+    words: &mut Words,
     config: &Config,
     inspector: &Inspector,
     bytes: &[u8],
-) -> Result<(Words, bool), SensorFault> {
-    let mode = config.mode;
-    let is_whole = bytes.len() != usize::from(RATES) || rates_burst(mode).is_none();
-    let words = if is_whole {
-        whole(mode, bytes)
-    } else {
-        let mut gyr = [0; 3];
-        words::decode(&mut gyr, bytes);
-        inspector.with_rates(gyr)
-    };
-    Ok((words.ok_or(SensorFault::Protocol)?, is_whole))
-}
-
-/// The words of a whole burst; `None` if its length is wrong.
-fn whole(mode: Mode, bytes: &[u8]) -> Option<Words> {
-    let (first, len) = span(mode);
-    if bytes.len() != usize::from(len) {
-        return None;
+) -> Result<bool, SensorFault> {
+    let (first, len) = span(config.mode);
+    if bytes.len() == usize::from(len) {
+        let skipped = usize::from(first - registers::ACC_DATA) / 2;
+        words::decode(words.0.as_flattened_mut().get_mut(skipped..).unwrap_or_default(), bytes);
+        return Ok(true);
     }
-    let mut words = [[0; 3]; 3];
-    let skipped = usize::from(first - registers::ACC_DATA) / 2;
-    words::decode(words.as_flattened_mut().get_mut(skipped..)?, bytes);
-    Some(Words(words))
+    let [_, _, gyr] = &mut words.0;
+    words::decode(gyr, bytes);
+    let is_rates = bytes.len() == usize::from(RATES) && config.mode.has_gyr();
+    if is_rates && inspector.complete(words) { Ok(false) } else { Err(SensorFault::Protocol) }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@ use std::vec::Vec;
 use super::*;
 use crate::config::{AccRange, AccUnit, Config, GyrBandwidth, GyrRange, Sensors, Units};
 use tvc_imu::judge::{Evidence, Judged, STEP_AGE_US};
-use tvc_imu::{Micros, SensorFault};
+use tvc_imu::{Micros, RawSample, SensorFault};
 
 const REST: [i16; 9] = [3, -2, 981, 320, -90, 640, 1, -4, 2];
 
@@ -18,9 +18,19 @@ fn judge(
     time: Micros,
     bytes: &[u8],
     behind_failure: bool,
-) -> Result<Judged, SensorFault> {
-    let (words, is_whole) = words(config, inspector, bytes)?;
-    inspector.judge(&config.rules(), time, words, is_whole, behind_failure)
+) -> Result<Sampled, SensorFault> {
+    let mut words = Words::default();
+    let is_whole = read(&mut words, config, inspector, bytes)?;
+    let Judged { fresh, evidence, .. } =
+        inspector.judge(&config.rules(), time, &words, is_whole, behind_failure)?;
+    Ok(Sampled { sample: inspector.sample().unwrap(), fresh, evidence })
+}
+
+#[derive(Debug, PartialEq)]
+struct Sampled {
+    sample: RawSample,
+    fresh: bool,
+    evidence: Evidence,
 }
 
 fn with(changes: &[(usize, i16)]) -> [i16; 9] {
@@ -151,7 +161,7 @@ fn believed(bursts: &[[i16; 9]]) -> Vec<([i16; 3], bool)> {
         .map(|(tick, burst)| {
             let time = Micros(tick * 10_000);
             let judged = judge(&mut inspector, &Config::default(), time, &bytes(*burst), false);
-            let Judged { sample, evidence, .. } = judged.unwrap();
+            let Sampled { sample, evidence, .. } = judged.unwrap();
             (sample.gyr, evidence == Evidence::Suspect)
         })
         .collect()

@@ -11,7 +11,7 @@ use crate::status::Identity;
 use judges::{
     answer, await_clock, await_mode, await_running, await_self_test, confirm, diagnose, identify,
 };
-use tvc_imu::judge::{Inspector, Judged};
+use tvc_imu::judge::{Inspector, Judged, Words};
 use tvc_imu::{Micros, SensorFault, Transfer, Transferred};
 
 /// Longest time for a chip to answer and identify itself before the driver reports a fault. 850 ms
@@ -221,8 +221,9 @@ impl Startup {
 
     /// Judges a burst before the first sample.
     fn look(&mut self, now: Micros, bytes: &[u8], config: &Config) -> Result<Judged, SensorFault> {
-        let (words, is_whole) = sample::words(config, &self.inspector, bytes)?;
-        self.inspector.judge(&config.rules(), now, words, is_whole, false)
+        let mut words = Words::default();
+        let is_whole = sample::read(&mut words, config, &self.inspector, bytes)?;
+        self.inspector.judge(&config.rules(), now, &words, is_whole, false)
     }
 
     /// Takes the outcome of the transfer from [`Startup::next`]; ignores any other.

@@ -36,7 +36,7 @@ const MAG: usize = 1;
 
 /// Accelerometer, magnetometer and gyroscope words of a burst, zero for a sensor that does not run;
 /// in whole machine words: small cores copy words faster.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(align(4))]
 pub struct Words(pub [[i16; 3]; 3]);
 
@@ -89,8 +89,6 @@ pub struct Inspector {
 /// A burst that was accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Judged {
-    /// The sample.
-    pub sample: RawSample,
     /// Whether it differs from the burst before.
     pub fresh: bool,
     /// Evidence on the wire.
@@ -123,8 +121,8 @@ impl Inspector {
         self.good.is_some()
     }
 
-    /// The sample in the words of a burst, or the fault of the first rule that the burst breaks.
-    /// `is_whole` tells a whole burst from rates that [`with_rates`](Self::with_rates) completed.
+    /// Judges the words of a burst: [`sample`](Self::sample) has them, or the fault is that of the first rule that the burst breaks.
+    /// `is_whole` tells a whole burst from rates that [`complete`](Self::complete) completed.
     /// `behind_failure` says that the transfer before it failed on the bus.
     ///
     /// # Errors
@@ -133,12 +131,12 @@ impl Inspector {
         &mut self,
         rules: &Rules,
         time: Micros,
-        now: Words,
+        now: &Words,
         is_whole: bool,
         behind_failure: bool,
     ) -> Result<Judged, SensorFault> {
-        let fresh = self.last != Some(now);
-        let moves = match self.last.replace(now) {
+        let fresh = self.last.as_ref() != Some(now);
+        let moves = match self.last.replace(*now) {
             Some(last) if rules.has_noisy_gyr => last.gyr() != now.gyr(),
             _ => fresh,
         };
@@ -146,31 +144,30 @@ impl Inspector {
         let good = self.recent(time).copied();
         // Behind a gap nothing tells whether a jump goes on.
         let held = self.held.take().zip(good);
-        if let Some(fault) = self.broken_rule(rules, time, good.as_ref(), &now) {
+        if let Some(fault) = self.broken_rule(rules, time, good.as_ref(), now) {
             return Err(fault);
         }
-        let Words([acc, mag, gyr]) = now;
-        let mut sample = RawSample { time, acc, mag, gyr };
+        let mut accepted = *now;
         let jump = if behind_failure { rules.disturbed_jump } else { rules.jump };
         let is_confirmed =
-            held.is_some_and(|(held, before)| goes_on(&before.gyr(), &held, &sample.gyr, jump));
+            held.is_some_and(|(held, before)| goes_on(&before.gyr(), &held, &now.gyr(), jump));
         let mut is_suspect = held.is_some() && !is_confirmed && !behind_failure;
         let mut cleared = false;
         if let Some(good) = good {
-            let [acc, mag, gyr] = self.ones.look(rules, &good, &now, &mut cleared);
+            let [acc, mag, gyr] = self.ones.look(rules, &good, now, &mut cleared);
             is_suspect |= acc || mag || gyr;
-            if !is_confirmed && (gyr || moved(&good.gyr(), &sample.gyr, jump)) {
-                self.held = Some(sample.gyr);
-                sample.gyr = good.gyr();
+            if !is_confirmed && (gyr || moved(&good.gyr(), &now.gyr(), jump)) {
+                self.held = Some(now.gyr());
+                accepted.0[2] = good.gyr();
             }
         }
-        self.good = Some((time, Words([sample.acc, sample.mag, sample.gyr])));
+        self.good = Some((time, accepted));
         let evidence = match (is_suspect, is_whole) {
             (true, _) => Evidence::Suspect,
             (false, true) => Evidence::Sound,
             (false, false) => Evidence::Little,
         };
-        Ok(Judged { sample, fresh, evidence, cleared })
+        Ok(Judged { fresh, evidence, cleared })
     }
 
     /// The fault of the first rule that a burst breaks, after the last `good` burst if that is
@@ -194,12 +191,22 @@ impl Inspector {
         out_of_range(rules, now).then_some(SensorFault::Implausible)
     }
 
-    /// The words of a burst of the rates alone, completed by the last good burst; `None` without a
+    /// The last good burst, with the rates before if its rates are held; `None` before the first.
+    #[must_use]
+    pub fn sample(&self) -> Option<RawSample> {
+        self.good.map(|(time, Words([acc, mag, gyr]))| RawSample { time, acc, mag, gyr })
+    }
+
+    /// Completes the words of a burst of the rates alone by the last good burst; `false` without a
     /// good burst.
     #[must_use]
-    pub fn with_rates(&self, gyr: [i16; 3]) -> Option<Words> {
-        let (_, Words([acc, mag, _])) = self.good?;
-        Some(Words([acc, mag, gyr]))
+    pub fn complete(&self, words: &mut Words) -> bool {
+        let Some((_, Words([acc, mag, _]))) = self.good else {
+            return false;
+        };
+        let Words([to_acc, to_mag, _]) = words;
+        (*to_acc, *to_mag) = (acc, mag);
+        true
     }
 
     /// The last good burst, if it is recent enough for a comparison at `time`.

@@ -1,7 +1,7 @@
 //! The trust in a sensor that samples: what its bursts and its registers tell of it.
 
 use super::inspector::{Evidence, Inspector, Judged, Rules, Words};
-use crate::{Health, Micros, RawSample, SensorFault, Transferred};
+use crate::{Health, Micros, SensorFault, Transferred};
 
 /// Longest time without a good burst before the sensor is set up anew, us. A shorter glitch of the
 /// cable does not reset the sensor: the driver verifies that, and sampling goes on.
@@ -24,9 +24,9 @@ const UNRELIABLE_MAX: u8 = 9;
 
 /// The verdict on a burst or a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict<T> {
+pub enum Verdict {
     /// It is good.
-    Good(T),
+    Good,
     /// It is not to be used, for this reason.
     Bad(SensorFault),
     /// The sensor is to be set up anew, for this reason.
@@ -93,19 +93,20 @@ impl Trust {
         received(outcome, if self.silent_since.is_some() { 0 } else { chance })
     }
 
-    /// Judges the words of a burst. `is_whole` tells a whole burst from rates that
-    /// [`Inspector::with_rates`] completed.
+    /// Judges the words of a burst: [`Inspector::sample`] has them if they are good. `is_whole` tells a whole burst from rates that
+    /// [`Inspector::complete`] completed.
+    #[inline]
     pub fn judge(
         &mut self,
         health: &mut Health,
         rules: &Rules,
         time: Micros,
-        words: Words,
+        words: &Words,
         is_whole: bool,
-    ) -> Verdict<RawSample> {
+    ) -> Verdict {
         let behind_failure = self.silent_since.is_some();
         let judged = self.inspector.judge(rules, time, words, is_whole, behind_failure);
-        let Judged { sample, fresh, evidence, cleared } = match judged {
+        let Judged { fresh, evidence, cleared } = match judged {
             Ok(judged) => judged,
             // Nobody drove the line for a part of the burst, which is a gap in the data.
             Err(fault) if fault.is_bus() => {
@@ -121,20 +122,16 @@ impl Trust {
         if cleared {
             self.unreliable = self.unreliable.saturating_sub(SUSPECT_WEIGHT);
         }
-        if self.weigh(evidence) {
-            self.conclude(health, time, Ok(sample))
-        } else {
-            unreliable(health)
-        }
+        if self.weigh(evidence) { self.conclude(health, time, Ok(())) } else { unreliable(health) }
     }
 
     /// Takes data that the sensor fused itself, which show nothing of the wire but their faults.
-    pub fn fused<T>(
+    pub fn fused(
         &mut self,
         health: &mut Health,
         time: Micros,
-        judged: Result<T, SensorFault>,
-    ) -> Verdict<T> {
+        judged: Result<(), SensorFault>,
+    ) -> Verdict {
         if judged.is_ok() {
             self.weigh(Evidence::Sound);
         }
@@ -142,14 +139,15 @@ impl Trust {
     }
 
     /// Draws the conclusions from judged data; withholds good data while a register is mismatched.
-    pub fn conclude<T>(
+    #[inline]
+    pub fn conclude(
         &mut self,
         health: &mut Health,
         time: Micros,
-        judged: Result<T, SensorFault>,
-    ) -> Verdict<T> {
+        judged: Result<(), SensorFault>,
+    ) -> Verdict {
         match judged {
-            Ok(data) => {
+            Ok(()) => {
                 self.silent_since = None;
                 self.bad_samples = 0;
                 if self.mismatched {
@@ -158,7 +156,7 @@ impl Trust {
                 }
                 health.good = health.good.wrapping_add(1);
                 health.last_good = Some(time);
-                Verdict::Good(data)
+                Verdict::Good
             }
             Err(fault) => {
                 health.count(fault);
@@ -169,12 +167,7 @@ impl Trust {
 
     /// Notes a lost transfer. The sensor may have reset. Only a sensor that stays silent is set up
     /// anew.
-    pub fn silent<T>(
-        &mut self,
-        health: &mut Health,
-        now: Micros,
-        fault: SensorFault,
-    ) -> Verdict<T> {
+    pub fn silent(&mut self, health: &mut Health, now: Micros, fault: SensorFault) -> Verdict {
         health.count(fault);
         self.suspect_reset();
         let since = *self.silent_since.get_or_insert(now);
@@ -188,7 +181,7 @@ impl Trust {
         health: &mut Health,
         now: Micros,
         judged: Result<(), SensorFault>,
-    ) -> Verdict<()> {
+    ) -> Verdict {
         match judged {
             Ok(()) => {
                 health.verified = health.verified.wrapping_add(1);
@@ -197,7 +190,7 @@ impl Trust {
                 self.may_have_reset &= was_in_doubt;
                 self.in_doubt = !was_in_doubt && self.unreliable > 0;
                 self.mismatched = false;
-                Verdict::Good(())
+                Verdict::Good
             }
             Err(fault) if fault.is_bus() => self.silent(health, now, fault),
             Err(fault) => {
@@ -252,7 +245,7 @@ impl Trust {
     }
 
     /// Counts a bad sample; after too many, the sensor is set up anew.
-    fn bad_sample<T>(&mut self, fault: SensorFault) -> Verdict<T> {
+    fn bad_sample(&mut self, fault: SensorFault) -> Verdict {
         self.bad_samples = self.bad_samples.saturating_add(1);
         let unreliable = self.distrust(WRONG_WEIGHT);
         if fault == SensorFault::AllZero {
@@ -278,7 +271,7 @@ impl Trust {
 }
 
 /// Too many bursts were wrong.
-fn unreliable<T>(health: &mut Health) -> Verdict<T> {
+fn unreliable(health: &mut Health) -> Verdict {
     health.count(SensorFault::Unreliable);
     Verdict::Restart(SensorFault::Unreliable)
 }
