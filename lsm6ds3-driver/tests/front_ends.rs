@@ -1,0 +1,71 @@
+//! The two front ends over the fake chip.
+
+mod fake;
+
+use std::future::Future;
+use std::pin::pin;
+use std::task::{Context, Poll, Waker};
+
+use fake::Bus;
+use lsm6ds3_driver::config::{GyrRange, Rate};
+use lsm6ds3_driver::{Chip, Config, Imu, SensorFault, asynchronous, blocking};
+
+/// Runs a future that never waits for anything outside.
+fn now<T>(future: impl Future<Output = T>) -> T {
+    match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
+        Poll::Ready(value) => value,
+        Poll::Pending => panic!("the fake chip never waits"),
+    }
+}
+
+/// Runs the same calls over both front ends, each with a chip of its own.
+macro_rules! both {
+    (|$imu:ident, $bus:ident| [$($call:tt)*]) => {{
+        {
+            let $bus = Bus::new();
+            let mut $imu =
+                blocking::Lsm6ds3::new($bus.clone(), $bus.clone(), $bus.clock(), Config::default());
+            macro_rules! go { ($e:expr) => { $e } }
+            $($call)*
+        }
+        {
+            let $bus = Bus::new();
+            let mut $imu = asynchronous::Lsm6ds3::new(
+                $bus.clone(), $bus.clone(), $bus.clock(), Config::default(),
+            );
+            macro_rules! go { ($e:expr) => { now($e) } }
+            $($call)*
+        }
+    }};
+}
+
+#[test]
+fn a_chip_starts_samples_and_tests_itself() {
+    both!(|imu, bus| [
+        assert_eq!(go!(imu.start()), Ok(()));
+        assert_eq!(imu.driver().chip(), Some(Chip::Lsm6ds3));
+        for _ in 0..10 {
+            bus.0.borrow_mut().now += 5_000;
+            let sample = go!(imu.sample()).unwrap();
+            let [_, _, z] = sample.acc_m_s2(&imu.driver().config().scale());
+            assert!((z - 9.81).abs() < 0.02, "{z}");
+        }
+        assert!(go!(imu.self_test()).unwrap().passed());
+        let other = Config { gyr_range: GyrRange::Dps245, rate: Rate::Hz104, ..Config::default() };
+        assert_eq!(go!(imu.reconfigure(other)), Ok(()));
+        assert_eq!(bus.0.borrow().registers[0x11], 0x40);
+    ]);
+}
+
+#[test]
+fn a_chip_that_is_missing_is_reported_and_found_later() {
+    both!(|imu, bus| [
+        bus.0.borrow_mut().address = 0x10;
+        assert_eq!(go!(imu.start()), Err(SensorFault::Nak));
+        assert!(imu.bus_error().is_some());
+        assert_eq!(imu.driver().fault(), Some(SensorFault::Nak));
+        bus.0.borrow_mut().address = 0x6A;
+        assert_eq!(go!(imu.start()), Ok(()));
+        let _ = imu.release();
+    ]);
+}
