@@ -54,11 +54,11 @@ const LAYERS: [(&str, &[&str], &[&str]); 10] = [
     (
         "filters, laws and what sensors share use nothing of ours",
         &["fusion/src", "pid/src", "imu/src"],
-        &["tvc_nano", "bno055_driver", "plant::", "rig::"],
+        &["tvc_nano", "bno055_driver", "lsm6ds3_driver", "plant::", "rig::"],
     ),
     (
         "a driver uses what sensors share, and no more of ours",
-        &["bno055-driver/src"],
+        &["bno055-driver/src", "lsm6ds3-driver/src"],
         &["tvc_nano", "tvc_fusion", "tvc_pid", "rig::"],
     ),
     (

@@ -103,7 +103,7 @@ impl Driver {
             Err(fault) => trust.silent(&mut self.health, time, fault),
         };
         self.take(time, verdict)?;
-        judged.flatten()
+        judged.and_then(|judged| judged)
     }
 
     /// Sets the chip up anew with other settings.

@@ -87,8 +87,8 @@ impl Driver {
         self.fault = Some(SensorFault::Booting);
     }
 
-    /// Begins the self-test, which takes 1.5 s; the chip must be at rest. Then it samples again, and
-    /// [`self_test`](Self::self_test) has the result.
+    /// Begins the self-test, which takes 1.3 s; the chip must be at rest. Then it samples again,
+    /// and [`self_test`](Self::self_test) has the result.
     pub fn begin_self_test(&mut self) {
         self.self_test = None;
         self.phase = Phase::Startup(Startup::testing());

@@ -47,7 +47,7 @@ macro_rules! front_end {
                 self.device.sample() $($await)*.map(|sample| sample.raw)
             }
 
-            /// Runs the built-in self-test of a chip at rest; sampling pauses for 1.5 s.
+            /// Runs the built-in self-test of a chip at rest; sampling pauses for 1.3 s.
             ///
             /// # Errors
             /// The reason for a missing answer. A failed test is an answer.

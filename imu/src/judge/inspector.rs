@@ -121,12 +121,13 @@ impl Inspector {
         self.good.is_some()
     }
 
-    /// Judges the words of a burst: [`sample`](Self::sample) has them, or the fault is that of the first rule that the burst breaks.
+    /// Judges the words of a burst. [`sample`](Self::sample) has them if the burst is good.
+    ///
     /// `is_whole` tells a whole burst from rates that [`complete`](Self::complete) completed.
     /// `behind_failure` says that the transfer before it failed on the bus.
     ///
     /// # Errors
-    /// The fault.
+    /// The fault of the first rule that the burst breaks.
     pub fn judge(
         &mut self,
         rules: &Rules,
@@ -266,8 +267,8 @@ impl Default for Ones {
 }
 
 impl Ones {
-    /// The sensors of which a word has come to -1 from farther than [`Rules::near`]. `crossed` says that
-    /// a word went on from -1 as in motion, and that no word jumped back.
+    /// The sensors of which a word has come to -1 from farther than [`Rules::near`]. `crossed` says
+    /// that a word went on from -1 as in motion, and that no word jumped back.
     fn look(
         &mut self,
         rules: &Rules,

@@ -93,8 +93,8 @@ impl Trust {
         received(outcome, if self.silent_since.is_some() { 0 } else { chance })
     }
 
-    /// Judges the words of a burst: [`Inspector::sample`] has them if they are good. `is_whole` tells a whole burst from rates that
-    /// [`Inspector::complete`] completed.
+    /// Judges the words of a burst. [`Inspector::sample`] has them if the burst is good. `is_whole`
+    /// tells a whole burst from rates that [`Inspector::complete`] completed.
     #[inline]
     pub fn judge(
         &mut self,
