@@ -31,6 +31,7 @@ pub mod bootloader;
 pub mod fly;
 pub mod ground_station;
 pub mod image;
+pub mod inertial;
 mod named_enum;
 pub mod observe;
 pub mod random;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use ::rig::ServoKind;
 use ::rig::attended::Attended;
 use ::rig::bench::VehicleConfig;
-use ::rig::bno055::ImuErrors;
+use ::rig::inertial::ImuErrors;
 use ::rig::pilot::{Manner, Pilot};
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand, ValueEnum};

@@ -5,7 +5,7 @@
 //! numbers with commas between them on the command line ([`FromStr`]). Both have the same units and
 //! ranges. Times count from the release, those of [`Temperature`] from power-on.
 
-use crate::bno055::{ImuErrors, STANDARD_GRAVITY_M_S2, WarmUp};
+use crate::inertial::{ImuErrors, STANDARD_GRAVITY_M_S2, WarmUp};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;

@@ -1,7 +1,7 @@
 //! The physical quantities at a sensor, from gravity, its motion and the magnetic field.
 
 use super::EarthField;
-use crate::bno055::Stimulus;
+use crate::inertial::Stimulus;
 use nalgebra::{UnitQuaternion, Vector3};
 use plant::ascent::Ascent;
 use std::f64::consts::FRAC_1_SQRT_2;

@@ -20,7 +20,7 @@
 //! magnetometer.
 
 use super::registers::Mode;
-use super::signal::{STANDARD_GRAVITY_M_S2, Sample};
+use crate::inertial::{STANDARD_GRAVITY_M_S2, Sample};
 
 /// At rest the rate is within this of its own mean, rad/s, and the force within this of 1 g, m/s^2.
 const STILL_RAD_S: f64 = 1.0 / 57.3;

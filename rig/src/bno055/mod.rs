@@ -9,7 +9,7 @@
 //! | 07 PAGE_ID | 0 or 1, anything else is ignored; same on both pages | DS-53 |
 //! | 08-19 ACC, MAG, GYR | refreshed by the chip's own clock (100 Hz +-1 %, free phase), zero in CONFIG and for sensors that the mode leaves off; MSB shadowed while its LSB is read in the same transfer | DS-22, DS-37 |
 //! | 1A-33 EUL, QUA, LIA, GRV | fusion modes only; from the true attitude | DS-22 |
-//! | 34 TEMP | the chip's temperature, 27 C unless it warms up ([`WarmUp`]); unit by UNIT_SEL, the same from either source | DS-37 |
+//! | 34 TEMP | the chip's temperature, 27 C unless it warms up ([`WarmUp`](crate::inertial::WarmUp)); unit by UNIT_SEL, the same from either source | DS-37 |
 //! | 35 CALIB_STAT | 0 without fusion; with it the levels of `calibration`, from rest, poses and motion | DS 3.11; forum reports |
 //! | 36 ST_RESULT | 0x0F, gyroscope's bit 0 with the fault | DS-65 |
 //! | 37 INT_STA | 0 | |
@@ -56,24 +56,20 @@ mod calibration;
 mod config;
 mod fault;
 mod fault_kind;
-mod imperfections;
 mod refresh;
 pub(crate) mod registers;
-mod replay;
-mod signal;
+mod settings;
 mod words;
 
 #[cfg(test)]
 pub(crate) mod tests;
 
 pub use bus::{BusTiming, RareStretch};
-pub use config::{Config, Magnetometer, MagnetometerHealth, RefreshRates};
+pub use config::{Config, RefreshRates};
 pub use fault_kind::{Fault, FaultKind};
-pub use imperfections::{ImuErrors, WarmUp};
 pub use registers::Mode;
-pub(crate) use signal::STANDARD_GRAVITY_M_S2;
-pub use signal::Stimulus;
 
+use crate::inertial::{ImuErrors, Playback, SignalChain, Stimulus};
 use crate::random::{Stream, generator};
 use access::LateWrite;
 use calibration::Calibration;
@@ -83,9 +79,7 @@ use rand_chacha::ChaCha8Rng;
 use recordings::Recording;
 use refresh::{Output, RefreshClock};
 use registers::{AXIS_MAP_RESET, UNIT_SEL_RESET, error, page0, reset_pages};
-use replay::Playback;
 use samd21::board::Ticks;
-use signal::SignalChain;
 use std::collections::VecDeque;
 use std::sync::Arc;
 

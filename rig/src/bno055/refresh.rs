@@ -3,10 +3,10 @@
 
 use super::calibration::Learner;
 use super::registers::{Mode, error, page0, page1};
-use super::replay::Playback;
-use super::signal::{Sample, Settings};
+use super::settings;
 use super::words::{FusionWords, MAG_PER_UT, acc_per_m_s2, gyr_per_rad_s, words};
 use super::{Bno055, FaultKind, GROUPS, Refresh, RefreshRates};
+use crate::inertial::{Playback, Sample, Settings};
 use rand::Rng;
 use samd21::board::Ticks;
 
@@ -170,7 +170,7 @@ impl Bno055 {
     /// Ranges and bandwidths in force.
     pub(super) fn settings(&self) -> Settings {
         let page = &self.pages[1];
-        Settings::decode(
+        settings::decode(
             self.mode,
             page[usize::from(page1::ACC_CONFIG)],
             page[usize::from(page1::MAG_CONFIG)],

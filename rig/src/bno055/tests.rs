@@ -8,6 +8,7 @@ pub(crate) mod sensors;
 
 use super::registers::{page1, status, trigger, unit};
 use super::*;
+use crate::inertial::WarmUp;
 use samd21::board::{I2cEvent, I2cReply};
 
 /// A master with a clock of its own, 25 us a byte plus the chip's stretching.

@@ -1,7 +1,7 @@
 //! The words of the data registers, in the units of UNIT_SEL.
 
 use super::registers::unit;
-use super::signal::{STANDARD_GRAVITY_M_S2, Sample, Settings};
+use crate::inertial::{STANDARD_GRAVITY_M_S2, Sample, Settings};
 
 /// The word nearest to `value`, saturated.
 fn word(value: f64) -> i16 {
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn words_saturate_at_the_range() {
-        let settings = Settings::decode(Mode::Amg, 0x0D, 0x0B, 0x38);
+        let settings = crate::bno055::settings::decode(Mode::Amg, 0x0D, 0x0B, 0x38);
         let sample = Sample {
             acc_m_s2: [100.0, -100.0, 9.81],
             gyr_rad_s: [50.0, -1.0, 0.0],

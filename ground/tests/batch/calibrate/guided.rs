@@ -5,7 +5,7 @@ use std::io::Write;
 use std::process::{Output, Stdio};
 use std::time::{Duration, Instant};
 
-use rig::bno055::ImuErrors;
+use rig::inertial::ImuErrors;
 use serde_json::Value;
 
 use super::truth;

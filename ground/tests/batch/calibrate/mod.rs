@@ -4,7 +4,8 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-use rig::bno055::{Config, ImuErrors};
+use rig::bno055::Config;
+use rig::inertial::ImuErrors;
 use serde_json::Value;
 
 use crate::running;

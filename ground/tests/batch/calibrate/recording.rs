@@ -7,7 +7,8 @@ use calibration::poses::Face;
 use nalgebra::Vector3;
 use rig::Ticks;
 use rig::bench::EarthField;
-use rig::bno055::{Bno055, Config, Mode, Stimulus};
+use rig::bno055::{Bno055, Config, Mode};
+use rig::inertial::Stimulus;
 use rig::sensor_motion::{HeldSensor, SensorMotion, resting};
 use samd21::board::I2cEvent;
 
@@ -151,7 +152,7 @@ fn read(chip: &mut Bno055, now: Ticks) -> Sample {
 
 #[test]
 fn the_procedure_rests_on_every_face_and_then_turns() {
-    let sensor = Config { errors: rig::bno055::ImuErrors::NONE, ..Config::default() };
+    let sensor = Config { errors: rig::inertial::ImuErrors::NONE, ..Config::default() };
     let plan = MotionPlan { turning_s: 5.0, ..MotionPlan::default() };
     let samples = record(sensor, &plan);
     assert_eq!(samples.len(), 4400);

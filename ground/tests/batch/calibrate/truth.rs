@@ -1,7 +1,7 @@
 //! What a calibration should have found, out of the emulated sensor's errors.
 
 use nalgebra::{Matrix3, Vector3};
-use rig::bno055::ImuErrors;
+use rig::inertial::ImuErrors;
 use serde_json::Value;
 
 const MG: f64 = 9.80665e-3;

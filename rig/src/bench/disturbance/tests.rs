@@ -126,7 +126,7 @@ fn half_the_thrust_turns_the_drone_half_as_fast() {
 /// Amplitudes, m/s2, that a sensor of 100 Hz shows of a vibration at these frequencies.
 fn shown(shaking: &Vibration, hz: [f64; 2]) -> [f64; 2] {
     use crate::bno055::tests::sensors::Sensors;
-    use crate::bno055::{ImuErrors, Stimulus};
+    use crate::inertial::{ImuErrors, Stimulus};
     let mut sensors = Sensors::new(ImuErrors::NONE, 1);
     let mut sums = [[0.0; 2]; 2];
     let refreshes = 200;

@@ -1,8 +1,9 @@
 //! The keys of what can be set, and how their values are read and shown.
 
 use super::Hardware;
-use crate::bno055::{MagnetometerHealth, RareStretch, RefreshRates};
+use crate::bno055::{RareStretch, RefreshRates};
 use crate::bootloader::Bootloader;
+use crate::inertial::MagnetometerHealth;
 use samd21::board::Ticks;
 use samd21::peripherals::UserRow;
 use samd21::usb_host::System;

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::bench::BenchConfig;
-use crate::bno055::{BusTiming, MagnetometerHealth, RareStretch, RefreshRates};
+use crate::bno055::{BusTiming, RareStretch, RefreshRates};
+use crate::inertial::MagnetometerHealth;
 use samd21::peripherals::UserRow;
 use samd21::usb_host::System;
 
@@ -128,7 +129,7 @@ fn settings_of_the_sensor_reach_the_bench() {
     assert_eq!(sensor.magnetometer.age, Ticks::from_ms(30));
     assert_eq!(sensor.magnetometer.health, MagnetometerHealth::Dead);
     assert_eq!(sensor.clock_error, 0.03);
-    let typical = crate::bno055::ImuErrors::TYPICAL;
+    let typical = crate::inertial::ImuErrors::TYPICAL;
     assert_eq!(sensor.errors.gyro_noise_density, 3.0 * typical.gyro_noise_density);
     assert_eq!(sensor.errors.mag_noise_ut, 3.0 * typical.mag_noise_ut);
     let per_g = sensor.errors.gyro_per_g_rad_s;

@@ -1,6 +1,7 @@
 //! What a real chip may do worse than the default one.
 
 use super::*;
+use crate::inertial::{Magnetometer, MagnetometerHealth};
 
 fn late(ms: u64) -> Config {
     Config { late_registers: Ticks::from_ms(ms), ..Config::default() }

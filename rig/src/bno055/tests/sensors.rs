@@ -1,9 +1,10 @@
 //! The chip's three sensors without its registers and bus, for tests that need the samples only.
 
-use crate::bno055::imperfections::ImuErrors;
 use crate::bno055::registers::Mode;
-use crate::bno055::signal::{Settings, SignalChain, Stimulus};
+use crate::bno055::settings::decode;
 use crate::bno055::words::words;
+use crate::inertial::ImuErrors;
+use crate::inertial::{Settings, SignalChain, Stimulus};
 use crate::random::{Stream, generator};
 use samd21::board::Ticks;
 
@@ -42,7 +43,7 @@ impl Sensors {
                 &mut generator(seed, Stream::SensorUnit),
                 generator(seed, Stream::SensorNoise),
             ),
-            settings: Settings::decode(Mode::Amg, acc, mag, gyr),
+            settings: decode(Mode::Amg, acc, mag, gyr),
         }
     }
 

@@ -10,11 +10,12 @@ use tvc_nano::Params;
 use super::SoundKind;
 use super::parts::{octaves, three};
 use crate::bench::{Knock, Magnet};
-use crate::bno055::{Fault, STANDARD_GRAVITY_M_S2};
+use crate::bno055::Fault;
 use crate::disturbance::Vibration;
 use crate::fly::faults::Phase;
 use crate::fly::faults::frames::{frame, harmless_frame, near, valid_frame};
 use crate::fly::flight::{FlightError, Ready};
+use crate::inertial::STANDARD_GRAVITY_M_S2;
 use crate::sensor_motion::{SensorMotion, Shake};
 
 /// How far beyond the sensor's range of 8 g a knock goes, g.

@@ -9,9 +9,9 @@ use tvc_nano::Axis;
 
 use super::super::Phase;
 use crate::bench::EarthField;
-use crate::bno055::{ImuErrors, STANDARD_GRAVITY_M_S2};
 use crate::disturbance::Temperature;
 use crate::fly::flight::{ServoKind, Setup};
+use crate::inertial::{ImuErrors, STANDARD_GRAVITY_M_S2};
 
 /// Largest offsets by the data sheet: of the accelerometer, g, and of the gyroscope, deg/s.
 const ACC_OFFSET_G: f64 = 0.08;

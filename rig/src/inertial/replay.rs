@@ -12,7 +12,7 @@ const LONGEST: f64 = 0.0125;
 
 /// A recording and how far it has been played.
 #[derive(Clone, Debug)]
-pub(super) struct Playback {
+pub(crate) struct Playback {
     recording: Arc<Recording>,
     start: Ticks,
     /// First sample that no refresh has shown.
@@ -23,17 +23,17 @@ pub(super) struct Playback {
 }
 
 impl Playback {
-    pub(super) fn new(recording: Arc<Recording>, start: Ticks) -> Self {
+    pub(crate) fn new(recording: Arc<Recording>, start: Ticks) -> Self {
         Self { recording, start, next: 0, next_mag: 0, attitude: [1.0, 0.0, 0.0, 0.0] }
     }
 
     /// Index of the newest recorded sample that the registers show.
-    pub(super) fn shown(&self) -> usize {
+    pub(crate) fn shown(&self) -> usize {
         self.next.saturating_sub(1)
     }
 
     /// The mean of the samples since the last refresh; after the end the last sample stays.
-    pub(super) fn refresh(&mut self, at: Ticks, mag_due: bool) -> Sample {
+    pub(crate) fn refresh(&mut self, at: Ticks, mag_due: bool) -> Sample {
         let samples = self.recording.samples();
         let position = at.saturating_sub(self.start).as_secs_f64() * self.recording.rate_hz();
         let end = (position as usize + 1).min(samples.len());

@@ -1,9 +1,8 @@
 //! The signal path of the sensors from physical quantities to a sample: errors, noise, range,
 //! bandwidth.
 
-use super::config::{Magnetometer, MagnetometerHealth};
 use super::imperfections::ImuErrors;
-use super::registers::Mode;
+use super::magnetometer::{Magnetometer, MagnetometerHealth};
 use super::replay::Playback;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -23,11 +22,11 @@ pub(crate) const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 
 /// One refresh of the sensors, in SI units along the package axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Sample {
-    pub(super) acc_m_s2: [f64; 3],
-    pub(super) gyr_rad_s: [f64; 3],
-    pub(super) mag_ut: [f64; 3],
-    pub(super) attitude: [f64; 4],
+pub(crate) struct Sample {
+    pub(crate) acc_m_s2: [f64; 3],
+    pub(crate) gyr_rad_s: [f64; 3],
+    pub(crate) mag_ut: [f64; 3],
+    pub(crate) attitude: [f64; 4],
 }
 
 /// The physical quantities at the sensor, along the axes printed on its package.
@@ -56,53 +55,23 @@ impl Stimulus {
 
 /// Ranges and bandwidths in force, decoded from page 1 or chosen by the chip's fusion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Settings {
-    pub(super) acc_range_g: f64,
-    pub(super) acc_bandwidth_hz: f64,
-    pub(super) gyr_range_dps: f64,
-    pub(super) gyr_bandwidth_hz: f64,
-    pub(super) mag_rate_hz: f64,
-}
-
-impl Settings {
-    /// Decodes the three configuration registers. The fusion modes take the accelerometer's range
-    /// from them and choose the rest themselves (20 Hz magnetometer, data sheet table 3-14).
-    pub(super) fn decode(mode: Mode, acc: u8, mag: u8, gyr: u8) -> Self {
-        const ACC_BANDWIDTH_HZ: [f64; 8] = [7.81, 15.63, 31.25, 62.5, 125.0, 250.0, 500.0, 1000.0];
-        const GYR_RANGE_DPS: [f64; 8] =
-            [2000.0, 1000.0, 500.0, 250.0, 125.0, 2000.0, 2000.0, 2000.0];
-        const GYR_BANDWIDTH_HZ: [f64; 8] = [523.0, 230.0, 116.0, 47.0, 23.0, 12.0, 64.0, 32.0];
-        const MAG_RATE_HZ: [f64; 8] = [2.0, 6.0, 8.0, 10.0, 15.0, 20.0, 25.0, 30.0];
-        let bits = |value: u8, shift: u32| usize::from(value >> shift & 7);
-        let raw = Self {
-            acc_range_g: f64::from(2u8 << (acc & 3)),
-            acc_bandwidth_hz: ACC_BANDWIDTH_HZ[bits(acc, 2)],
-            gyr_range_dps: GYR_RANGE_DPS[bits(gyr, 0)],
-            gyr_bandwidth_hz: GYR_BANDWIDTH_HZ[bits(gyr, 3)],
-            mag_rate_hz: MAG_RATE_HZ[bits(mag, 0)],
-        };
-        if !mode.is_fusion() {
-            return raw;
-        }
-        Self {
-            acc_range_g: raw.acc_range_g,
-            acc_bandwidth_hz: 62.5,
-            gyr_range_dps: 2000.0,
-            gyr_bandwidth_hz: 32.0,
-            mag_rate_hz: mode.refresh_hz().min(if mode == Mode::M4g { 50.0 } else { 20.0 }),
-        }
-    }
+pub(crate) struct Settings {
+    pub(crate) acc_range_g: f64,
+    pub(crate) acc_bandwidth_hz: f64,
+    pub(crate) gyr_range_dps: f64,
+    pub(crate) gyr_bandwidth_hz: f64,
+    pub(crate) mag_rate_hz: f64,
 }
 
 /// The three sensors up to their analogue-to-digital converters and filters.
 #[derive(Clone, Debug)]
-pub(super) struct SignalChain {
-    pub(super) errors: ImuErrors,
+pub(crate) struct SignalChain {
+    pub(crate) errors: ImuErrors,
     turn_on_bias_rad_s: [f64; 3],
     wandering_rad_s: [f64; 3],
     noise: ChaCha8Rng,
     filtered: Option<Sample>,
-    pub(super) magnetometer: Magnetometer,
+    pub(crate) magnetometer: Magnetometer,
     /// Fields of the last while, where the magnetometer gives old ones, uT; the oldest first.
     fields: VecDeque<(Ticks, [f64; 3])>,
     /// The first conversion since power-on, uT.
@@ -110,11 +79,11 @@ pub(super) struct SignalChain {
     mag_latched: Option<[f64; 3]>,
     next_mag: f64,
     last_sense: Ticks,
-    pub(super) playback: Option<Playback>,
+    pub(crate) playback: Option<Playback>,
 }
 
 impl SignalChain {
-    pub(super) fn new(errors: ImuErrors, unit: &mut ChaCha8Rng, noise: ChaCha8Rng) -> Self {
+    pub(crate) fn new(errors: ImuErrors, unit: &mut ChaCha8Rng, noise: ChaCha8Rng) -> Self {
         let drawn = [(); 3].map(|()| unit.random_range(-1.0..1.0_f64).to_radians());
         Self {
             errors,
@@ -133,18 +102,18 @@ impl SignalChain {
     }
 
     /// The chip's temperature, deg C.
-    pub(super) fn temperature_c(&self) -> f64 {
+    pub(crate) fn temperature_c(&self) -> f64 {
         self.errors.warm_up.at(self.last_sense)
     }
 
     /// The gyroscope's bias now, rad/s.
-    pub(super) fn gyro_bias_rad_s(&self) -> [f64; 3] {
+    pub(crate) fn gyro_bias_rad_s(&self) -> [f64; 3] {
         let drift = self.drift(self.errors.gyro_drift_rad_s_k);
         add(add(self.turn_on_bias_rad_s, self.wandering_rad_s), drift)
     }
 
     /// The accelerometer's offset now, m/s^2.
-    pub(super) fn acc_offset_m_s2(&self) -> [f64; 3] {
+    pub(crate) fn acc_offset_m_s2(&self) -> [f64; 3] {
         add(self.errors.acc_offset_m_s2, self.drift(self.errors.acc_drift_m_s2_k))
     }
 
@@ -155,13 +124,13 @@ impl SignalChain {
     }
 
     /// Forgets the filters' state, as a change of mode does; the bias stays.
-    pub(super) fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.filtered = None;
         self.mag_latched = None;
     }
 
     /// Feeds the converters with the truth since the last call.
-    pub(super) fn sense(&mut self, now: Ticks, truth: &Stimulus, settings: &Settings) {
+    pub(crate) fn sense(&mut self, now: Ticks, truth: &Stimulus, settings: &Settings) {
         let dt = now.saturating_sub(self.last_sense).as_secs_f64();
         self.last_sense = now;
         if dt <= 0.0 || self.playback.is_some() {
@@ -212,13 +181,13 @@ impl SignalChain {
 
     /// True if a refresh at this time collects a new conversion of the magnetometer, which has the
     /// chip's clock and a phase of its own.
-    pub(super) fn mag_is_due(&self, at: Ticks) -> bool {
+    pub(crate) fn mag_is_due(&self, at: Ticks) -> bool {
         at.as_secs_f64() >= self.next_mag || self.mag_latched.is_none()
     }
 
     /// The sample that the chip's processor collects at a refresh of all sensors; `None` before
     /// anything was sensed.
-    pub(super) fn refresh(&mut self, at: Ticks, settings: &Settings) -> Option<Sample> {
+    pub(crate) fn refresh(&mut self, at: Ticks, settings: &Settings) -> Option<Sample> {
         let seconds = at.as_secs_f64();
         let mag_due = self.mag_is_due(at);
         if mag_due {
@@ -233,7 +202,7 @@ impl SignalChain {
     }
 
     /// As [`SignalChain::refresh`], with a new conversion of the magnetometer only if it is due.
-    pub(super) fn sample(&mut self, at: Ticks, mag_due: bool) -> Option<Sample> {
+    pub(crate) fn sample(&mut self, at: Ticks, mag_due: bool) -> Option<Sample> {
         let mut sample = match &mut self.playback {
             Some(playback) => playback.refresh(at, mag_due),
             None => self.filtered?,
@@ -305,7 +274,7 @@ fn apply(m: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bno055::WarmUp;
+    use crate::inertial::WarmUp;
     use crate::random::{Stream, generator};
 
     fn chain(errors: ImuErrors) -> SignalChain {
@@ -317,15 +286,13 @@ mod tests {
     }
 
     fn reset_settings() -> Settings {
-        Settings::decode(Mode::Amg, 0x0D, 0x0B, 0x38)
-    }
-
-    #[test]
-    fn reset_values_mean_what_the_data_sheet_says() {
-        let s = reset_settings();
-        assert_eq!((s.acc_range_g, s.acc_bandwidth_hz), (4.0, 62.5));
-        assert_eq!((s.gyr_range_dps, s.gyr_bandwidth_hz), (2000.0, 32.0));
-        assert_eq!(s.mag_rate_hz, 10.0);
+        Settings {
+            acc_range_g: 4.0,
+            acc_bandwidth_hz: 62.5,
+            gyr_range_dps: 2000.0,
+            gyr_bandwidth_hz: 32.0,
+            mag_rate_hz: 10.0,
+        }
     }
 
     #[test]

@@ -1,0 +1,15 @@
+//! What the sensors of the rig share: from the physical truth to a sample.
+//!
+//! A sensor's model gives [`SignalChain`] the truth in small steps, and takes a [`Sample`] at each
+//! refresh of its registers.
+
+mod imperfections;
+mod magnetometer;
+mod replay;
+mod signal;
+
+pub use imperfections::{ImuErrors, WarmUp};
+pub use magnetometer::{Magnetometer, MagnetometerHealth};
+pub(crate) use replay::Playback;
+pub use signal::Stimulus;
+pub(crate) use signal::{STANDARD_GRAVITY_M_S2, Sample, Settings, SignalChain};
