@@ -32,6 +32,7 @@ pub mod fly;
 pub mod ground_station;
 pub mod image;
 pub mod inertial;
+pub mod lsm6ds3;
 mod named_enum;
 pub mod observe;
 pub mod random;

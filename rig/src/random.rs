@@ -23,6 +23,10 @@ pub enum Stream {
     Ascent = 7,
     /// Rate and phase of the chip's slow oscillator.
     SlowClock = 8,
+    /// Properties of the on-board sensor that stay.
+    SecondSensorUnit = 9,
+    /// Noise of the on-board sensor's signals.
+    SecondSensorNoise = 10,
 }
 
 /// The generator of `stream` under `seed`; the same on every machine.
