@@ -15,6 +15,7 @@ use crate::flight::{Flight, Reading, Snapshot};
 use crate::guard::{Changed, Guard, Sum};
 use crate::led;
 use crate::recorder::Recorder;
+use crate::sensor::Sensor;
 use crate::servo::PulseUs;
 use crate::telemetry::{Reset, Telemetry};
 use crate::ticks::Timing;
@@ -156,8 +157,8 @@ pub trait Board: Sum {
 
 /// All that runs on the board.
 #[derive(Debug)]
-pub struct Application<'a, S> {
-    sensor: &'a mut S,
+pub struct Application<'a> {
+    sensor: &'a mut Sensor,
     flight: &'a mut Flight,
     telemetry: &'a mut Telemetry,
     recorder: &'a mut Recorder,
@@ -168,10 +169,10 @@ pub struct Application<'a, S> {
     steps_to_save: u8,
 }
 
-impl<'a, S: Imu> Application<'a, S> {
+impl<'a> Application<'a> {
     /// At start-up.
     pub fn new(
-        sensor: &'a mut S,
+        sensor: &'a mut Sensor,
         flight: &'a mut Flight,
         telemetry: &'a mut Telemetry,
         recorder: &'a mut Recorder,
@@ -322,6 +323,15 @@ impl<'a, S: Imu> Application<'a, S> {
         }
     }
 
+    /// Change to the sensor that `SENSOR` says. A transfer under way ends without a use.
+    fn choose_sensor(&mut self, board: &mut impl Board) {
+        let kind = self.flight.params().sensor_kind();
+        if self.sensor.kind() != kind && !self.flight.state().is_armed() {
+            *self.sensor = Sensor::new(kind);
+            board.arm(&self.sensor.bursts());
+        }
+    }
+
     /// A piece of a save is to be done, and may be done now.
     fn has_piece_to_save(&self) -> bool {
         self.steps_to_save == 0 && self.telemetry.has_storage_order()
@@ -357,6 +367,7 @@ impl<'a, S: Imu> Application<'a, S> {
             if !packet.is_empty() {
                 self.open(board);
                 self.telemetry.receive(now, packet, self.flight);
+                self.choose_sensor(board);
             }
         }
         if !open {
@@ -380,6 +391,7 @@ impl<'a, S: Imu> Application<'a, S> {
                 self.open(board);
             }
             self.telemetry.serve_storage(board.flash(), self.flight);
+            self.choose_sensor(board);
             self.open_state(board);
             self.flight.halted();
         }

@@ -13,7 +13,6 @@ use tvc_pid::{
 use crate::axis::Axis;
 use crate::config::TRIM_LIMIT_RAD;
 use crate::params::Params;
-use crate::sensor::DESCRIPTION;
 use crate::words::Words;
 
 /// What control is given with a sample.
@@ -341,7 +340,7 @@ fn surface(params: &Params, travel_rad: f32) -> SurfaceConfig {
         period_s,
         plant_gain: params.pitch_gain(),
         effect_s: (lead_us + params.srv_centre_us()) * 1.0e-6,
-        sensor_lag_s: DESCRIPTION.gyr_lag_s,
+        sensor_lag_s: params.sensor_kind().description().gyr_lag_s,
         actuator_rate: params.srv_rad_s(),
         actuator_loop_s: params.srv_loop_s(),
         actuator_lag_s: params.srv_motor_s(),

@@ -16,7 +16,7 @@ use crate::config::{
 };
 use crate::mount::Mount;
 use crate::params::{FilterKind, Params};
-use crate::sensor::DESCRIPTION;
+use crate::sensor;
 use crate::words::{Words, words};
 
 /// What makes an attitude of samples.
@@ -277,7 +277,7 @@ impl Navigation {
     pub fn rates(&self, state: &State) -> [Q16; 3] {
         // What a 512th of a count is worth in a Q16.
         const SCALE: Share16 = Share16::from_bits(
-            (DESCRIPTION.scale.gyr_rad_s * 65_536.0 / 512.0 * 65_536.0 + 0.5) as u16,
+            (sensor::SCALE.gyr_rad_s * 65_536.0 / 512.0 * 65_536.0 + 0.5) as u16,
         );
         let rate = |counts: i16, bias_q9: i32| {
             Q16::from_bits((i32::from(counts) << 9) - bias_q9).times(SCALE)
@@ -397,9 +397,9 @@ impl Navigation {
 
 /// What a count of the sensor is worth.
 const SCALE: Scale = Scale {
-    acc_m_s2: DESCRIPTION.scale.acc_m_s2,
-    gyr_rad_s: DESCRIPTION.scale.gyr_rad_s,
-    mag_ut: DESCRIPTION.scale.mag_ut,
+    acc_m_s2: sensor::SCALE.acc_m_s2,
+    gyr_rad_s: sensor::SCALE.gyr_rad_s,
+    mag_ut: sensor::SCALE.mag_ut,
 };
 
 /// The estimator's own time step, us: the sensor's refresh. A constant, so that all of its

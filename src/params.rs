@@ -14,6 +14,7 @@ use tvc_fusion::{ComplementaryGains, MadgwickGains, MahonyGains, VqfGains};
 
 use crate::axis::Axis;
 use crate::config::STRETCH_MAX_US;
+use crate::sensor::Kind;
 use crate::ticks::{TickPlan, Timing};
 
 use table::COUNT;
@@ -267,11 +268,17 @@ impl Params {
         Some((TABLE.get(index)?, *self.values.get(index)?))
     }
 
+    /// The sensor that flies.
+    pub fn sensor_kind(&self) -> Kind {
+        Kind::of(self.sensor())
+    }
+
     /// What the timing of the loop follows from.
     // Not inlined: it is called from several places.
     #[inline(never)]
     pub fn timing(&self) -> Timing {
         Timing {
+            sensor: self.sensor_kind(),
             frame_hz: self.srv_rate_hz() as u32,
             i2c_khz: self.i2c_khz() as u32,
             stretch_us: self.i2c_stretch_us() as u32,

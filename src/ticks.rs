@@ -23,15 +23,12 @@ use core::num::NonZeroU32;
 
 use tvc_imu::{Micros, Transfer};
 
-use crate::sensor::DESCRIPTION;
+use crate::sensor::Kind;
 use crate::words::words;
 
 /// From the last moment at which a burst may be over to the edge of its pulse, us: the step, with a
 /// reserve.
 pub const STEP_BUDGET_US: u32 = 320;
-
-/// Reserve for a burst that takes longer than [`Timing::burst_us`], us.
-const BURST_RESERVE_US: u32 = 1_000;
 
 /// Shortest time between two ticks, us: sampling faster would read nothing new.
 const SHORTEST_US: u32 = 6_500;
@@ -52,11 +49,8 @@ const HALF_STEP_US: u32 = 680;
 /// burst.
 const STRETCH_RESERVE_US: u32 = 20;
 
-/// Bytes of a whole burst: its data, two addresses and the register.
-const BURST_BYTES: u32 = DESCRIPTION.burst_bytes + 3;
-
-/// Bytes of it in front of the rates.
-const SKIPPED_BYTES: u32 = DESCRIPTION.rates_at;
+/// Bytes of a transfer beside its data: two addresses and the register's number.
+const FRAMING_BYTES: u32 = 3;
 
 /// Bytes of the longest transfer that is always to fit between two bursts: the verification of one
 /// register, with two addresses and its number.
@@ -70,6 +64,8 @@ const FASTEST_HZ: u32 = 333;
 /// What the loop's timing follows from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
+    /// The sensor.
+    pub sensor: Kind,
     /// Rate of the servo frame, Hz.
     pub frame_hz: u32,
     /// Speed of the sensor bus, kHz: 400, or any smaller number for 100.
@@ -81,12 +77,12 @@ pub struct Timing {
 impl Timing {
     /// Duration of a whole burst, us: its bytes, stretched, start and end.
     pub const fn burst_us(&self) -> u32 {
-        self.unstretched_us() + BURST_BYTES * self.stretch_us
+        self.unstretched_us() + self.burst_bytes() * self.stretch_us
     }
 
     /// The stretch of a byte with which a burst takes so long, us.
     pub const fn stretch_of(&self, burst_us: u32) -> u32 {
-        burst_us.saturating_sub(self.unstretched_us()) / BURST_BYTES
+        burst_us.saturating_sub(self.unstretched_us()) / self.burst_bytes()
     }
 
     /// Whether the last burst of a frame reads the rates alone: where other ticks read the rest.
@@ -101,7 +97,7 @@ impl Timing {
 
     /// How long before the edge the time of the sample is that the pulse carries, us.
     pub const fn sample_lead_us(&self) -> u32 {
-        self.burst_us() + BURST_RESERVE_US + STEP_BUDGET_US
+        self.burst_us() + self.sensor.description().reserve_us + STEP_BUDGET_US
     }
 
     /// By how much a burst of the rates `alone` begins later than a whole one that reads them at
@@ -113,11 +109,11 @@ impl Timing {
     /// How long after its tick a burst, of the rates `alone` or whole, may be over and still be in
     /// time for its step, us.
     pub const fn burst_limit_us(&self, alone: bool) -> u32 {
-        self.burst_us() + BURST_RESERVE_US - self.later_us(alone)
+        self.burst_us() + self.sensor.description().reserve_us - self.later_us(alone)
     }
 
     const fn skipped_us(&self) -> u32 {
-        SKIPPED_BYTES * (self.byte_us() + self.stretch_us)
+        self.sensor.description().rates_at * (self.byte_us() + self.stretch_us)
     }
 
     /// Whether the sensor's bus is too slow to fly with: less than 100 bursts a second, each with a
@@ -141,8 +137,12 @@ impl Timing {
         self.burst_us() + short_us + STOP_US
     }
 
+    const fn burst_bytes(&self) -> u32 {
+        self.sensor.description().burst_bytes + FRAMING_BYTES
+    }
+
     const fn unstretched_us(&self) -> u32 {
-        BURST_BYTES * self.byte_us() + if self.is_slow() { 70 } else { 37 }
+        self.burst_bytes() * self.byte_us() + if self.is_slow() { 70 } else { 37 }
     }
 
     /// A byte that is not stretched, us.
@@ -160,8 +160,7 @@ impl Timing {
             Transfer::Read { len, .. } => usize::from(*len),
             Transfer::Write { bytes, .. } => bytes.len(),
         };
-        // Two addresses and the register's number.
-        let bytes = payload as u32 + 3;
+        let bytes = payload as u32 + FRAMING_BYTES;
         u64::from(bytes * (self.byte_us() + self.stretch_us + STRETCH_RESERVE_US))
     }
 }
@@ -187,7 +186,7 @@ impl BurstTimes {
     /// its reserve allows for, counts for the burst and for the verification behind it, as far as
     /// the sensor does not become too slow by that.
     pub fn planned_us(&self, stop_us: u32) -> u32 {
-        /// Of [`BURST_RESERVE_US`], what rare long bytes may take.
+        /// Of the sensor's reserve, what rare long bytes may take.
         const RARE_US: u32 = 400;
         /// A burst with which a sensor is just not too slow.
         const SLOWEST_US: u32 = 7_950;

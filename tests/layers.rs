@@ -74,7 +74,8 @@ const LAYERS: [(&str, &[&str], &[&str]); 10] = [
 ];
 
 /// Where a name may stand: naming layers is this file's task.
-const PLACES: [(&str, &str); 1] = [("src/sensor.rs", "bno055_driver")];
+const PLACES: [(&str, &str); 2] =
+    [("src/sensor/bno055.rs", "bno055_driver"), ("src/sensor/lsm6ds3.rs", "lsm6ds3_driver")];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -133,6 +133,8 @@ impl Config {
             rates_at: sample::rates_at(self.mode),
             // As measured by users.
             stretch_us: 180,
+            // Some bytes are stretched by 0.4 ms.
+            reserve_us: 1_000,
         }
     }
 

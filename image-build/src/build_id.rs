@@ -5,8 +5,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Folders of what the image is made from.
-pub(crate) const SOURCES: [&str; 5] =
-    ["src", "fusion/src", "pid/src", "imu/src", "bno055-driver/src"];
+pub(crate) const SOURCES: [&str; 6] =
+    ["src", "fusion/src", "pid/src", "imu/src", "bno055-driver/src", "lsm6ds3-driver/src"];
 
 /// The build id of the image that a source tree makes: FNV-1a over names and contents of its
 /// sources. The vehicle tells the first eight of its sixteen digits.

@@ -27,7 +27,7 @@ const FIRMWARE: &str = "tvc-nano";
 
 /// What the firmware is made from, below its tree: a build script that embeds it runs again when
 /// one of these changes.
-pub const FIRMWARE_SOURCES: [&str; 9] = [
+pub const FIRMWARE_SOURCES: [&str; 10] = [
     "Cargo.toml",
     "Cargo.lock",
     "build.rs",
@@ -37,6 +37,7 @@ pub const FIRMWARE_SOURCES: [&str; 9] = [
     "pid/src",
     "imu/src",
     "bno055-driver/src",
+    "lsm6ds3-driver/src",
 ];
 
 /// Flags of the compiler. Only debug information holds folders of this machine: without it an ELF

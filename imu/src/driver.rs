@@ -45,6 +45,8 @@ pub struct Description {
     pub rates_at: u32,
     /// How long the sensor stretches the clock in each byte, us.
     pub stretch_us: u32,
+    /// How much longer than planned a burst may take, us.
+    pub reserve_us: u32,
 }
 
 /// An inertial sensor, without its bus.

@@ -194,6 +194,7 @@ impl Config {
             burst_bytes: sample::BURST.answer_len() as u32,
             rates_at: (reg::OUTX_L_G - reg::OUT_TEMP_L) as u32,
             stretch_us: 0,
+            reserve_us: 300,
         }
     }
 

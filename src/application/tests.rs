@@ -10,7 +10,7 @@ use super::*;
 use crate::bringup::{Order, What};
 use crate::failsafe::{BootReport, SelfCheck, StateKind};
 use crate::params::Params;
-use crate::sensor::{self, Sensor};
+use crate::sensor::{Kind, Sensor};
 use crate::store::tests::Mock;
 
 /// What a board was asked, in turn.
@@ -156,7 +156,7 @@ impl Bench {
         let mut params = Params::default();
         params.set("SRV_HOLD_DEG", -10.0).unwrap();
         Self {
-            driver: sensor::new(),
+            driver: Sensor::new(Kind::Bno055),
             flight: Flight::new(params, BootReport::default()).unwrap(),
             telemetry: Telemetry::default(),
             recorder: Recorder::new(),

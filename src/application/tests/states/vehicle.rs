@@ -124,7 +124,7 @@ impl Vehicle {
         let mut world = World::new(flash);
         let (params, stored) = store::load(&mut world.flash, crate::store::BoardId::default());
         let mut vehicle = Self {
-            driver: sensor::new(),
+            driver: Sensor::new(Kind::Bno055),
             flight: Flight::new(params, BootReport { crash, stored }).unwrap(),
             telemetry: Telemetry::default(),
             recorder: Box::new(Recorder::new()),
@@ -301,7 +301,7 @@ impl Vehicle {
         let is_still = chip.rate_rad_s == 0.0 && chip.thrust == 0;
         let is_sampling = self.driver.is_sampling();
         let event = if is_sampling && chip.trouble != Trouble::Late {
-            let result = chip.perform(&self.driver.burst());
+            let result = chip.perform(&self.driver.bursts().whole.unwrap());
             let outcome = Outcome {
                 started: self.now,
                 result: result.as_ref().map(|_| ()).map_err(|error| *error),

@@ -1,11 +1,10 @@
-//! The sensor of this vehicle: the only place of the firmware that names it.
+//! A BNO055 on the bus of the header.
 
 use bno055_driver::Config;
 use bno055_driver::config::{GyrBandwidth, GyrRange, Sensors};
 use tvc_imu::Description;
 
-/// The driver.
-pub type Sensor = bno055_driver::Driver;
+pub(super) use bno055_driver::Driver;
 
 /// The sensor's settings: the driver's defaults, but for these.
 ///
@@ -30,23 +29,9 @@ const CONFIG: Config = Config {
 };
 
 /// What it is like.
-pub const DESCRIPTION: Description = CONFIG.description();
+pub(super) const DESCRIPTION: Description = CONFIG.description();
 
 /// The driver with the settings.
-pub fn new() -> Sensor {
-    Sensor::new(CONFIG)
+pub(super) fn new() -> Driver {
+    Driver::new(CONFIG)
 }
-
-/// Counts of 1 m/s2.
-pub const ACC_COUNTS: f32 = 1.0 / DESCRIPTION.scale.acc_m_s2;
-/// Counts of 1 deg/s.
-pub const GYR_COUNTS: f32 = core::f32::consts::PI / 180.0 / DESCRIPTION.scale.gyr_rad_s;
-/// Counts of 1 uT.
-pub const MAG_COUNTS: f32 = 1.0 / DESCRIPTION.scale.mag_ut;
-
-/// Standard deviation of the gyroscope's offset behind a rest of half a minute, deg/s: what its
-/// noise leaves, and its wandering since (6.5 deg/h).
-pub const GYR_OFFSET_SD_DEG_S: f32 = 0.01;
-
-/// Noise of the gyroscope, deg/s/sqrt(Hz) (data sheet, table 0-2).
-pub const GYR_NOISE_DEG_RTS: f32 = 0.014;
