@@ -2,7 +2,7 @@
 
 use lsm6ds3_driver::Config;
 pub(super) use lsm6ds3_driver::Driver;
-use tvc_imu::{Description, Sample};
+use tvc_imu::{Description, RawSample};
 
 use super::SCALE;
 
@@ -32,21 +32,20 @@ pub(super) fn new() -> Driver {
 }
 
 /// A sample of the chip in the units of [`SCALE`]. The chip's noise is some two of those counts.
-pub(super) fn scaled(mut sample: Sample) -> Sample {
+pub(super) fn scaled(mut raw: RawSample) -> RawSample {
     let scale = |words: &mut [i16; 3], share: u32| {
         for word in words {
             *word = ((i32::from(*word) * share as i32 + 0x8000) >> 16) as i16;
         }
     };
-    scale(&mut sample.raw.acc, ACC);
-    scale(&mut sample.raw.gyr, GYR);
-    sample
+    scale(&mut raw.acc, ACC);
+    scale(&mut raw.gyr, GYR);
+    raw
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tvc_imu::RawSample;
 
     /// 1 g are 4098 counts of 0.244 mg, and 981 of 0.01 m/s^2; 100 deg/s are 2857 of 35 mdeg/s,
     /// and 1600 of 1/16 deg/s.
@@ -57,7 +56,7 @@ mod tests {
             gyr: [2_857, -2_857, 0],
             ..RawSample::default()
         };
-        let RawSample { acc, gyr, .. } = scaled(Sample { raw, ..Sample::default() }).raw;
+        let RawSample { acc, gyr, .. } = scaled(raw);
         assert_eq!((acc, gyr), ([981, -981, 7_841], [1_600, -1_600, 0]));
         assert_eq!((DESCRIPTION.acc_range, DESCRIPTION.gyr_range), (7_824, 15_679));
     }

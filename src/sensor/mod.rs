@@ -7,7 +7,8 @@ mod bno055;
 mod lsm6ds3;
 
 use tvc_imu::{
-    Bursts, Description, Imu, Micros, Next, Refresh, Sample, Scale, SensorFault, Transferred,
+    Bursts, Description, Imu, Micros, Next, RawSample, Refresh, Sample, Scale, SensorFault,
+    Transferred,
 };
 
 /// A sensor that can be chosen, by the value of `SENSOR`.
@@ -22,10 +23,28 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// All, in the order of the parameter's values from 0 on, with the names that commands use.
+    pub const ALL: [(Self, &str); 2] = [(Self::Bno055, "bno055"), (Self::Lsm6ds3, "lsm6ds3")];
+
+    /// The value of `SENSOR`.
+    #[must_use]
+    pub const fn value(self) -> f32 {
+        self as u8 as f32
+    }
+
     /// The kind with this value of `SENSOR`.
     #[must_use]
     pub fn of(value: f32) -> Self {
-        if value == Self::Lsm6ds3 as u8 as f32 { Self::Lsm6ds3 } else { Self::Bno055 }
+        if value == Self::Lsm6ds3.value() { Self::Lsm6ds3 } else { Self::Bno055 }
+    }
+
+    /// Its sample in the units of [`SCALE`].
+    #[must_use]
+    pub fn in_common_units(self, raw: RawSample) -> RawSample {
+        match self {
+            Self::Bno055 => raw,
+            Self::Lsm6ds3 => lsm6ds3::scaled(raw),
+        }
     }
 
     /// What it is like.
@@ -97,7 +116,9 @@ impl Imu for Sensor {
     fn sample(&mut self, time: Micros, outcome: Transferred<'_>) -> Result<Sample, SensorFault> {
         match self {
             Self::Bno055(driver) => driver.sample(time, outcome),
-            Self::Lsm6ds3(driver) => driver.sample(time, outcome).map(lsm6ds3::scaled),
+            Self::Lsm6ds3(driver) => driver
+                .sample(time, outcome)
+                .map(|sample| Sample { raw: lsm6ds3::scaled(sample.raw), ..sample }),
         }
     }
 

@@ -10,6 +10,7 @@ use super::rocket::{Rocket, RocketConfig};
 use super::vehicle::{self, Vehicle};
 use super::{EarthField, TimedFault, Wiring};
 use crate::bno055;
+use crate::inertial::ImuErrors;
 
 /// What a drone that hangs in a joint and has two rudders has besides.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -44,6 +45,8 @@ pub enum VehicleConfig {
 pub struct BenchConfig {
     /// The sensor.
     pub sensor: bno055::Config,
+    /// Imperfections of the sensor on the microcontroller's board.
+    pub onboard: ImuErrors,
     /// Where the sensor sits, from the pivot along the body's axes (x forward, y right, z down), m.
     pub lever_m: [f64; 3],
     /// The board that the chip sits on: the one that the image is for.
@@ -77,6 +80,7 @@ impl Default for BenchConfig {
     fn default() -> Self {
         Self {
             sensor: bno055::Config::default(),
+            onboard: ImuErrors::LSM6DS3,
             lever_m: [0.0; 3],
             wiring: Wiring::NANO_33_IOT,
             jumper: true,

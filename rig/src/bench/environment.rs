@@ -24,6 +24,7 @@ use super::vehicle::Vehicle;
 use super::{Knock, Magnet, Since, fault_schedule, stimulus};
 use crate::bno055::{Bno055, Fault};
 use crate::inertial::Stimulus;
+use crate::lsm6ds3::Lsm6ds3;
 use crate::observe::ground_truth::{GroundTruth, Motion};
 use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
 use crate::observe::waves::Waves;
@@ -31,6 +32,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use plant::{Checked, Crank, Servo};
 use samd21::board::{Board, I2cEvent, I2cPins, I2cReply, Lines, Pin, Ticks};
 use tvc_nano::Axis;
+use tvc_nano::sensor::Kind;
 
 /// Pulse width at which the horn is mounted for zero rudder, us.
 pub const ZERO_RUDDER_US: f64 = 1523.6;
@@ -54,6 +56,10 @@ pub struct Environment {
     servos: Vec<Servo>,
     /// The sensor.
     pub sensor: Bno055,
+    /// The sensor on the microcontroller's board, on the same bus.
+    pub onboard: Lsm6ds3,
+    /// Its transfer is on the bus.
+    talks_to_onboard: bool,
     /// Rates about the body's axes, rad/s, and their mean change in the last step, rad/s^2.
     turning: (Vector3<f64>, Vector3<f64>),
     /// Rate about its own vertical with which it is released, rad/s.
@@ -95,7 +101,9 @@ impl Environment {
             bench: bench.clone(),
             vehicle,
             servos: vec![Servo::new(model, zero_rad, 0.0); bench.axes()],
+            onboard: Lsm6ds3::new(sensor.seed, bench.onboard),
             sensor: Bno055::new(sensor),
+            talks_to_onboard: false,
             turning: (Vector3::zeros(), Vector3::zeros()),
             spin_rad_s: match &bench.vehicle {
                 VehicleConfig::TwoAxes(two) => two.spin_rad_s,
@@ -270,6 +278,7 @@ impl Environment {
         }
         let stimulus = self.felt(now, dt_s, tilt_rad_s);
         self.sensor.sense(now, &stimulus);
+        self.onboard.sense(now, &stimulus);
         if self.steps.is_multiple_of(MOTION_EVERY) {
             let motion = self.seen(now, cranks, tilt_rad_s);
             self.truth.motion.push(motion);
@@ -401,9 +410,17 @@ impl Board for Environment {
 
     fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
         self.advance(now);
-        let reply = self.sensor.i2c(now, event);
-        let registers =
-            Registers { refresh: self.sensor.refresh, faultless: self.sensor.faultless };
+        let (sensor, onboard) = (self.sensor.i2c(now, event), self.onboard.i2c(now, event));
+        let is_onboard = self.talks_to_onboard || self.onboard.is_selected();
+        // The STOP still belongs to the transfer that it ends.
+        self.talks_to_onboard = self.onboard.is_selected();
+        let (reply, registers) = if is_onboard {
+            let Lsm6ds3 { refresh, faultless, .. } = self.onboard;
+            (onboard, Registers { sensor: Kind::Lsm6ds3, refresh, faultless })
+        } else {
+            let Bno055 { refresh, faultless, .. } = self.sensor;
+            (sensor, Registers { sensor: Kind::Bno055, refresh, faultless })
+        };
         self.analyzer.i2c(now, event, reply, registers, &mut self.truth);
         if let Some(waves) = &mut self.truth.waves {
             waves.i2c(now, event, reply);

@@ -69,7 +69,7 @@ pub use config::{Config, RefreshRates};
 pub use fault_kind::{Fault, FaultKind};
 pub use registers::Mode;
 
-use crate::inertial::{ImuErrors, Playback, SignalChain, Stimulus};
+use crate::inertial::{ImuErrors, Playback, Refresh, SignalChain, Stimulus};
 use crate::random::{Stream, generator};
 use access::LateWrite;
 use calibration::Calibration;
@@ -108,15 +108,6 @@ struct Transfer {
     shadow: Option<(u8, u8)>,
     /// Whether it came too soon after the write before; known from the first byte to a register on.
     lost: Option<bool>,
-}
-
-/// The last refresh of the data registers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Refresh {
-    /// When the registers were written.
-    pub at: Ticks,
-    /// Index of the newest recorded sample that they show, while a recording plays.
-    pub recorded: Option<usize>,
 }
 
 /// An emulated BNO055.

@@ -5,8 +5,8 @@ use super::calibration::Learner;
 use super::registers::{Mode, error, page0, page1};
 use super::settings;
 use super::words::{FusionWords, MAG_PER_UT, acc_per_m_s2, gyr_per_rad_s, words};
-use super::{Bno055, FaultKind, GROUPS, Refresh, RefreshRates};
-use crate::inertial::{Playback, Sample, Settings};
+use super::{Bno055, FaultKind, GROUPS, RefreshRates};
+use crate::inertial::{Playback, Refresh, Sample, Settings};
 use rand::Rng;
 use samd21::board::Ticks;
 

@@ -30,13 +30,20 @@ mod tests;
 
 pub use fault::Fault;
 
-use crate::inertial::{ImuErrors, STANDARD_GRAVITY_M_S2, Sample, Settings, SignalChain, Stimulus};
+use crate::inertial::{
+    ImuErrors, Refresh, STANDARD_GRAVITY_M_S2, Sample, Settings, SignalChain, Stimulus,
+};
 use crate::random::{Stream, generator};
 use rand::Rng;
 use samd21::board::{I2cEvent, I2cReply, Ticks};
 
 /// The chip's 7-bit address.
 pub const ADDRESS: u8 = 0x6A;
+
+/// The first register of a whole burst, which is the temperature, and of the rates.
+pub(crate) const TEMPERATURE: u8 = OUT_TEMP as u8;
+/// See [`TEMPERATURE`].
+pub(crate) const RATES: u8 = OUT_G as u8;
 
 /// From power-on to the first acknowledge.
 const BOOT: Ticks = Ticks::from_ms(15);
@@ -108,6 +115,10 @@ pub struct Lsm6ds3 {
     registers: [u8; 128],
     /// What the outputs show once their words are whole.
     newest: [i16; 7],
+    /// What they would show without a fault: accelerations, no field, rates.
+    pub(crate) faultless: [[i16; 3]; 3],
+    /// The refresh whose data the registers hold.
+    pub(crate) refresh: Refresh,
     /// High bytes that have not been read yet, under BDU.
     held: [bool; 7],
     /// From when on it answers.
@@ -137,6 +148,8 @@ impl Lsm6ds3 {
             signals,
             registers: [0; 128],
             newest: [0; 7],
+            faultless: [[0; 3]; 3],
+            refresh: Refresh::default(),
             held: [false; 7],
             boots: BOOT,
             resets: None,
@@ -155,6 +168,12 @@ impl Lsm6ds3 {
     #[must_use]
     pub fn gyro_bias_rad_s(&self) -> [f64; 3] {
         self.signals.gyro_bias_rad_s()
+    }
+
+    /// Whether the transfer under way is with it.
+    #[must_use]
+    pub fn is_selected(&self) -> bool {
+        self.transfer.selected
     }
 
     /// Exposes the sensors to `truth` from the last call until `now`.
@@ -314,12 +333,13 @@ impl Lsm6ds3 {
         }
         let Some(mut sample) = self.signals.sample(now, false) else { return };
         self.stimulate(&mut sample);
+        let [acc, gyr] = self.counts(&sample);
+        self.faultless = [acc, [0; 3], gyr];
+        self.refresh = Refresh { at: now, recorded: None };
         for fault in &self.faults {
             fault.distort(now, &mut sample);
         }
-        let (mg, mdps) = (self.acc_range().1, self.gyr_range().1);
-        let acc = sample.acc_m_s2.map(|a| (a / STANDARD_GRAVITY_M_S2 * 1000.0 / mg) as i16);
-        let gyr = sample.gyr_rad_s.map(|rate| (rate.to_degrees() * 1000.0 / mdps) as i16);
+        let [acc, gyr] = self.counts(&sample);
         let temperature = ((self.signals.temperature_c() - 25.0) * 16.0) as i16;
         let turned_on = self.on_since.is_some_and(|since| now >= since + TURN_ON);
         let (has_acc, has_gyr) = (self.registers[CTRL1_XL] >> 4 != 0, turned_on);
@@ -336,6 +356,15 @@ impl Lsm6ds3 {
                 self.registers[at..at + 2].copy_from_slice(&word.to_le_bytes());
             }
         }
+    }
+
+    /// The words of a sample.
+    fn counts(&self, sample: &Sample) -> [[i16; 3]; 2] {
+        let (mg, mdps) = (self.acc_range().1, self.gyr_range().1);
+        [
+            sample.acc_m_s2.map(|a| (a / STANDARD_GRAVITY_M_S2 * 1000.0 / mg) as i16),
+            sample.gyr_rad_s.map(|rate| (rate.to_degrees() * 1000.0 / mdps) as i16),
+        ]
     }
 
     /// Adds the self-test's stimulus.

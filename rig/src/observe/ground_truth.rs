@@ -1,6 +1,6 @@
 //! What really happened on the rig: motion, pulses, bursts and control steps.
 
-use crate::bno055::Refresh;
+use crate::inertial::Refresh;
 use crate::observe::waves::Waves;
 use samd21::board::Ticks;
 use tvc_nano::Axis;

@@ -1,16 +1,39 @@
 //! A logic analyser on the sensor's bus, the servo's pin and the probe pin: it finds bursts, steps
 //! and pulses.
 
-use crate::bno055::Refresh;
 use crate::bno055::registers::page0::{ACC_DATA, GYR_DATA};
+use crate::inertial::Refresh;
+use crate::lsm6ds3;
 use crate::observe::ground_truth::{Asked, Burst, GroundTruth, High, Pulse, Step};
 use samd21::board::{I2cEvent, I2cReply, Ticks};
-use tvc_nano::Axis;
+use tvc_nano::sensor::Kind;
+use tvc_nano::{Axis, RawSample};
 
-/// Bytes that a whole burst reads.
-const FULL: usize = 18;
-/// Those of them in front of the rates, which are read alone, too.
-const SKIPPED: usize = 12;
+/// Bytes of the longest burst.
+const LONGEST: usize = 18;
+
+/// Which of a sample's nine words each word of a burst is.
+type Layout = &'static [Option<usize>];
+
+const WORDS: [Option<usize>; 9] =
+    [Some(0), Some(1), Some(2), Some(3), Some(4), Some(5), Some(6), Some(7), Some(8)];
+/// A whole burst of a BNO055.
+const BNO055: Layout = &WORDS;
+/// A whole burst of an LSM6DS3: the temperature, the rates, the accelerations.
+const LSM6DS3: Layout = &[None, WORDS[6], WORDS[7], WORDS[8], WORDS[0], WORDS[1], WORDS[2]];
+/// The rates alone, of either.
+const RATES: Layout = WORDS.split_at(6).1;
+
+/// The layout of the burst that a pointer begins.
+fn layout(sensor: Kind, pointer: u8) -> Option<Layout> {
+    match (sensor, pointer) {
+        (Kind::Bno055, ACC_DATA) => Some(BNO055),
+        (Kind::Lsm6ds3, lsm6ds3::TEMPERATURE) => Some(LSM6DS3),
+        (Kind::Bno055, GYR_DATA) | (Kind::Lsm6ds3, lsm6ds3::RATES) => Some(RATES),
+        _ => None,
+    }
+}
+
 /// Largest harmless errors of a word of accelerometer, magnetometer and gyroscope, counts: 2 m/s^2,
 /// 5 uT, 4 deg/s. A single such sample moves the rudder by at most 2 degrees, through the
 /// gyroscope; the other two are averaged over seconds.
@@ -19,6 +42,7 @@ const VALID_COUNTS: [u16; 3] = [200, 80, 64];
 /// What the sensor's registers hold, and what they would hold without a fault.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Registers {
+    pub(crate) sensor: Kind,
     pub(crate) refresh: Refresh,
     pub(crate) faultless: [[i16; 3]; 3],
 }
@@ -31,13 +55,13 @@ struct Transaction {
     stretch: Ticks,
     start: Option<Ticks>,
     refresh: Option<Refresh>,
-    bytes: [u8; FULL],
+    layout: Layout,
+    bytes: [u8; LONGEST],
     /// What a faultless sensor would have given; a word is latched at its first byte, as in the
     /// sensor.
-    faultless: [i16; FULL / 2],
-    /// Bytes read so far, and those that are skipped.
+    faultless: [i16; 9],
+    /// Bytes read so far.
     count: usize,
-    skipped: usize,
 }
 
 /// The analyser, with the transaction and the step that have begun and not ended.
@@ -70,16 +94,11 @@ impl LogicAnalyzer {
                 });
             }
             (I2cEvent::Write(pointer), Some(t)) => {
-                let skipped = match pointer {
-                    ACC_DATA => Some(0),
-                    GYR_DATA => Some(SKIPPED),
-                    _ => None,
-                };
-                if let Some(skipped) = skipped
+                if let Some(layout) = layout(registers.sensor, pointer)
                     && t.start.is_none()
                     && reply.ack
                 {
-                    (t.count, t.skipped) = (skipped, skipped);
+                    t.layout = layout;
                     let byte = now.saturating_sub(t.acknowledged + t.stretch);
                     t.start = Some(t.acknowledged.saturating_sub(byte));
                 } else {
@@ -89,9 +108,9 @@ impl LogicAnalyzer {
             (I2cEvent::Read, Some(t)) => {
                 t.refresh.get_or_insert(registers.refresh);
                 if t.count.is_multiple_of(2)
-                    && let Some(word) = t.faultless.get_mut(t.count / 2)
+                    && let Some(Some(place)) = t.layout.get(t.count / 2)
                 {
-                    *word = registers.faultless.as_flattened()[t.count / 2];
+                    t.faultless[*place] = registers.faultless.as_flattened()[*place];
                 }
                 if let Some(byte) = t.bytes.get_mut(t.count) {
                     *byte = reply.data;
@@ -100,19 +119,26 @@ impl LogicAnalyzer {
             }
             (I2cEvent::Stop, Some(t)) => {
                 if let (Some(start), Some(refresh)) = (t.start, t.refresh)
-                    && t.count >= FULL
+                    && t.count >= 2 * t.layout.len()
                 {
+                    let alone = t.layout.len() == RATES.len();
                     // The rest of a burst of the rates alone is that of the newest whole one.
-                    let rest = if t.skipped == 0 { None } else { self.whole };
-                    let (mut words, valid) = rest.unwrap_or(([0; 9], t.skipped == 0));
-                    let skipped = t.skipped / 2;
-                    let read = words.iter_mut().zip(t.bytes.chunks_exact(2)).skip(skipped);
-                    for (word, bytes) in read {
-                        *word = i16::from_le_bytes([bytes[0], bytes[1]]);
+                    let rest = if alone { self.whole } else { None };
+                    let (rest, valid) = rest.unwrap_or(([0; 9], !alone));
+                    let mut words = [0; 9];
+                    for (place, bytes) in t.layout.iter().zip(t.bytes.chunks_exact(2)) {
+                        if let Some(place) = place {
+                            words[*place] = i16::from_le_bytes([bytes[0], bytes[1]]);
+                        }
                     }
-                    t.faultless[..skipped].copy_from_slice(&words[..skipped]);
-                    let valid = valid && close(words, t.faultless);
-                    if t.skipped == 0 {
+                    words = in_common_units(registers.sensor, words);
+                    let mut faultless = in_common_units(registers.sensor, t.faultless);
+                    if alone {
+                        words[..6].copy_from_slice(&rest[..6]);
+                        faultless[..6].copy_from_slice(&rest[..6]);
+                    }
+                    let valid = valid && close(words, faultless);
+                    if !alone {
                         self.whole = Some((words, valid));
                     }
                     truth.bursts.push(Burst {
@@ -122,7 +148,7 @@ impl LogicAnalyzer {
                         refresh,
                         words,
                         valid,
-                        alone: t.skipped != 0,
+                        alone,
                     });
                 }
                 self.transaction = None;
@@ -169,8 +195,15 @@ impl LogicAnalyzer {
     }
 }
 
+/// The words of a sensor in the units that the firmware gives all sensors' samples.
+fn in_common_units(sensor: Kind, [ax, ay, az, mx, my, mz, gx, gy, gz]: [i16; 9]) -> [i16; 9] {
+    let raw = RawSample { acc: [ax, ay, az], gyr: [gx, gy, gz], ..RawSample::default() };
+    let RawSample { acc: [ax, ay, az], gyr: [gx, gy, gz], .. } = sensor.in_common_units(raw);
+    [ax, ay, az, mx, my, mz, gx, gy, gz]
+}
+
 /// True if every word is within [`VALID_COUNTS`] of what it should be.
-fn close(words: [i16; FULL / 2], should_be: [i16; FULL / 2]) -> bool {
+fn close(words: [i16; 9], should_be: [i16; 9]) -> bool {
     let limits = VALID_COUNTS.iter().flat_map(|limit| [*limit; 3]);
     let pairs = words.iter().zip(should_be);
     pairs.zip(limits).all(|((word, should_be), limit)| word.abs_diff(should_be) <= limit)
@@ -188,6 +221,7 @@ mod tests {
         reply: I2cReply,
     ) {
         let registers = Registers {
+            sensor: Kind::Bno055,
             refresh: Refresh { at: Ticks::from_us(500), recorded: None },
             faultless: [
                 [0x0100, 0x0302, 0x0504],

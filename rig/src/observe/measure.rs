@@ -137,7 +137,7 @@ pub(crate) fn events_without(events: &[f64], messages: impl Iterator<Item = f64>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bno055::Refresh;
+    use crate::inertial::Refresh;
     use crate::observe::ground_truth::{Asked, Step};
 
     /// Two steps in a frame of 20 ms; only the second reaches a pulse.

@@ -12,6 +12,7 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 use tvc_nano::Params;
 use tvc_nano::params::FilterKind;
+use tvc_nano::sensor::Kind;
 
 /// Options of `tvc fly`.
 #[derive(Debug, Args)]
@@ -23,6 +24,7 @@ Examples:
   tvc fly --params tuned.param           what `tvc tune` found
   tvc fly --seeds 48                     48 seeds: mean, 95 % and worst
   tvc fly --filter madgwick              another attitude filter
+  tvc fly --sensor lsm6ds3               the sensor on the Nano's board, without a BNO055
   tvc fly --vehicle drone2 --seeds 12    two rudders: pitch and roll, with and without spin
   tvc fly --vehicle drone2 --dispersed 500   vehicles that are not as their parameters say
   tvc fly --vehicle rocket --seeds 12    a rocket through its burn: schedule, constant gains, cascade
@@ -72,8 +74,12 @@ pub struct Fly {
     #[arg(long, value_name = "NAME", conflicts_with = "params", value_parser = filter)]
     pub filter: Option<FilterKind>,
 
+    /// Sensor: bno055, or lsm6ds3 on the Nano's board alone [default: bno055].
+    #[arg(long, value_name = "NAME", value_parser = sensor)]
+    pub sensor: Option<Kind>,
+
     /// Play a recording through the emulated BNO055 and score the attitude.
-    #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "params", "Disturb"])]
+    #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "params", "sensor", "Disturb"])]
     pub recording: Option<PathBuf>,
 
     /// Faults and disturbances by time (docs/reference/faults.md).
@@ -124,6 +130,15 @@ fn filter(text: &str) -> Result<FilterKind, String> {
     found.map(|(kind, _)| kind).ok_or_else(|| {
         let names = FilterKind::ALL.map(|(_, name)| name).join(", ");
         format!("the image has the filters {names}")
+    })
+}
+
+fn sensor(text: &str) -> Result<Kind, String> {
+    let mut all = Kind::ALL.into_iter();
+    let found = all.find(|(_, name)| *name == text);
+    found.map(|(kind, _)| kind).ok_or_else(|| {
+        let names = Kind::ALL.map(|(_, name)| name).join(", ");
+        format!("the image has drivers for {names}")
     })
 }
 

@@ -115,8 +115,8 @@ mod tests {
     use super::super::neutral_us;
     use super::super::tests::{ACTIVE, FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
     use super::*;
-    use crate::bno055::Refresh;
     use crate::ground_station::Heartbeat;
+    use crate::inertial::Refresh;
     use crate::observe::ground_truth::{Burst, GroundTruth, Step};
     use tvc_nano::{Axis, Params};
 

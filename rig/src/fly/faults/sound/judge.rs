@@ -275,7 +275,7 @@ impl Seen<'_> {
 mod tests {
     use super::super::super::judge::tests::{FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
     use super::*;
-    use crate::bno055::Refresh;
+    use crate::inertial::Refresh;
     use crate::observe::ground_truth::Burst;
 
     /// A second of a sound vehicle, with what is to be wrong in it.
