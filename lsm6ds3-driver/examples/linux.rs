@@ -5,7 +5,7 @@ fn main() {
     use std::time::{Duration, Instant};
 
     use linux_embedded_hal::{Delay, I2cdev};
-    use lsm6ds3_driver::{Config, Micros, blocking::Lsm6ds3};
+    use lsm6ds3_driver::{Config, Driver, Micros, blocking::Device};
 
     let path = std::env::args().nth(1).unwrap_or_else(|| "/dev/i2c-1".into());
     let i2c = match I2cdev::new(&path) {
@@ -18,7 +18,7 @@ fn main() {
     let epoch = Instant::now();
     let clock = move || Micros(epoch.elapsed().as_micros() as u64);
     let config = Config { either_address: true, ..Config::default() };
-    let mut imu = Lsm6ds3::new(i2c, Delay, clock, config);
+    let mut imu = Device::new(i2c, Delay, clock, Driver::new(config));
     if let Err(fault) = imu.start() {
         eprintln!("{path}: {fault}");
         std::process::exit(1);
@@ -29,9 +29,9 @@ fn main() {
         match imu.sample() {
             Ok(sample) => println!(
                 "{:>10} us  acc {:6.2?} m/s^2  rate {:6.3?} rad/s",
-                sample.time.0,
-                sample.acc_m_s2(&scale),
-                sample.gyr_rad_s(&scale)
+                sample.raw.time.0,
+                sample.raw.acc_m_s2(&scale),
+                sample.raw.gyr_rad_s(&scale)
             ),
             Err(fault) => println!("{fault}"),
         }

@@ -10,7 +10,7 @@
 
 #[cfg(target_os = "none")]
 mod pico {
-    use lsm6ds3_driver::{Config, Micros, blocking::Lsm6ds3};
+    use lsm6ds3_driver::{Config, Driver, Micros, blocking::Device};
     use rp2040_hal::clocks::{Clock, init_clocks_and_plls};
     use rp2040_hal::fugit::RateExtU32;
     use rp2040_hal::gpio::{FunctionI2C, Pin, PullUp};
@@ -65,7 +65,7 @@ mod pico {
         servo.enable();
 
         let clock = || Micros(timer.get_counter().ticks());
-        let mut imu = Lsm6ds3::new(bus, delay, clock, Config::default());
+        let mut imu = Device::new(bus, delay, clock, Driver::new(Config::default()));
         let scale = imu.driver().config().scale();
         let mut estimator = Estimator::<Mahony>::new(&tvc_fusion::Config::default()).ok()?;
         let config = tvc_pid::Config {
@@ -81,8 +81,8 @@ mod pico {
             let command = match imu.sample() {
                 Ok(sample) => {
                     // The board lies flat: its z axis points up, the body's down.
-                    let [gx, gy, gz] = sample.gyr_rad_s(&scale);
-                    let [ax, ay, az] = sample.acc_m_s2(&scale);
+                    let [gx, gy, gz] = sample.raw.gyr_rad_s(&scale);
+                    let [ax, ay, az] = sample.raw.acc_m_s2(&scale);
                     let (gyr, acc) = ([gx, -gy, -gz], [ax, -ay, -az]);
                     let attitude =
                         estimator.update(TICK_US as f32 * 1e-6, &Sample { gyr, acc, mag: None });

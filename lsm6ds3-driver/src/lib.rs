@@ -6,15 +6,9 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-#[cfg(feature = "async")]
-pub mod asynchronous;
-#[cfg(feature = "blocking")]
-pub mod blocking;
 mod chip;
 pub mod config;
 mod driver;
-#[cfg(any(feature = "blocking", feature = "async"))]
-mod front;
 pub mod registers;
 mod sample;
 mod self_test;
@@ -25,6 +19,10 @@ pub use config::Config;
 pub use driver::Driver;
 pub use self_test::SelfTest;
 pub use startup::BOOT_DEADLINE_US;
+#[cfg(feature = "async")]
+pub use tvc_imu::asynchronous;
+#[cfg(feature = "blocking")]
+pub use tvc_imu::blocking;
 pub use tvc_imu::{
     BusError, Bytes, Health, Imu, Micros, Next, READ_MAX, RawSample, Sample, Scale, SensorFault,
     TRANSFER_DEADLINE_US, Transfer, Transferred, WRITE_MAX,
