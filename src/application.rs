@@ -328,6 +328,8 @@ impl<'a> Application<'a> {
         let kind = self.flight.params().sensor_kind();
         if self.sensor.kind() != kind && !self.flight.state().is_armed() {
             *self.sensor = Sensor::new(kind);
+            // Where a fault is to be acknowledged, it stays.
+            let _ = self.flight.calibrate();
             board.arm(&self.sensor.bursts());
         }
     }

@@ -16,7 +16,7 @@ use crate::config::{
 };
 use crate::mount::Mount;
 use crate::params::{FilterKind, Params};
-use crate::sensor;
+use crate::sensor::{self, Kind};
 use crate::words::{Words, words};
 
 /// What makes an attitude of samples.
@@ -414,6 +414,7 @@ struct Settings {
     period_us: u32,
     filter: FilterKind,
     sees_field: bool,
+    sensor: Kind,
 }
 
 impl Settings {
@@ -424,6 +425,7 @@ impl Settings {
             period_us: params.control_period_us(),
             filter: params.filter(),
             sees_field: params.fuse_mag() != 0.0,
+            sensor: params.sensor_kind(),
         }
     }
 

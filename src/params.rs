@@ -11,6 +11,7 @@ use core::fmt;
 
 use tvc_fusion::fixed::AnyGains;
 use tvc_fusion::{ComplementaryGains, MadgwickGains, MahonyGains, VqfGains};
+use tvc_imu::Refresh;
 
 use crate::axis::Axis;
 use crate::config::STRETCH_MAX_US;
@@ -271,6 +272,11 @@ impl Params {
     /// The sensor that flies.
     pub fn sensor_kind(&self) -> Kind {
         Kind::of(self.sensor())
+    }
+
+    /// The refreshes of that sensor, before its first reading.
+    pub fn refresh(&self) -> Refresh {
+        Refresh::with_period(self.sensor_kind().description().refresh_us)
     }
 
     /// What the timing of the loop follows from.

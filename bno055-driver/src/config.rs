@@ -129,6 +129,7 @@ impl Config {
             gyr_lag_s: 1.0 / (2.0 * core::f32::consts::PI * first_hz),
             acc_range: self.acc_range_counts(),
             gyr_range: self.gyr_range_counts(),
+            refresh_us: 10_000,
             burst_bytes: sample::burst(self.mode).answer_len() as u32,
             rates_at: sample::rates_at(self.mode),
             // As measured by users.

@@ -41,7 +41,7 @@ impl Law {
             state,
             zero_rad: drone.linkage().zero_rudder_crank_rad(),
             timing: *timing,
-            refresh: Refresh::default(),
+            refresh: params.refresh(),
             begun_s,
             newest: (f64::NEG_INFINITY, 0),
         };

@@ -15,8 +15,8 @@ use plant::identify::{
 };
 use recordings::Lines;
 use rig::ServoKind;
+use tvc_nano::Axis;
 use tvc_nano::ticks::TickPlan;
-use tvc_nano::{Axis, Refresh};
 
 use crate::vehicle::VehicleChoice;
 use flights::arguments::AxisName;
@@ -193,7 +193,7 @@ fn of_release(flight: &Flight, release: &Release<'_>, axis: Axis) -> Vec<Record>
     let timing = release.params.timing();
     // A burst reads the rates last.
     let read_us = u64::from(timing.later_us(true));
-    let mut refresh = Refresh::default();
+    let mut refresh = release.params.refresh();
     let samples = flight.steps().filter_map(|step| step.sample);
     let refreshed_us: HashMap<u64, u64> = samples
         .filter_map(|raw| Some((raw.time.0, refresh.read(raw).rates?.age_us)))

@@ -39,6 +39,9 @@ pub struct Description {
     pub acc_range: u16,
     /// Rates beyond this clip, counts.
     pub gyr_range: u16,
+    /// Time between two refreshes, us. [`Refresh`] measures it unless the sensor refreshes faster
+    /// than any loop reads.
+    pub refresh_us: u32,
     /// Payload of a whole burst, bytes.
     pub burst_bytes: u32,
     /// Payload in front of the rates, bytes.

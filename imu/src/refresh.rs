@@ -15,6 +15,9 @@
 //! of them. Then the last rates are new in this burst and the first rates in the next. The second
 //! rate decides.
 //!
+//! A sensor that refreshes faster than the loop reads needs none of this. Its rates are half a period
+//! old on average, and cover the time since the last new reading.
+//!
 //! A magnetometer is slower than the loop, and its words repeat until it has measured again.
 
 use bytemuck::{Pod, Zeroable};
@@ -71,6 +74,8 @@ struct State {
     was_new: u32,
     /// Time since the field was new, us, up to [`FIELD_REPEAT_US`].
     field_age_us: u32,
+    /// The sensor refreshes faster than it is read.
+    is_faster: u32,
 }
 
 impl Default for State {
@@ -84,10 +89,18 @@ impl Refresh {
     /// Words of [`Refresh::words`].
     pub const WORDS: usize = size_of::<State>() / 4;
 
+    /// For a sensor with this period, us. One below the fastest loop's is never looked for.
+    #[must_use]
+    pub fn with_period(period_us: u32) -> Self {
+        let is_faster = u32::from(period_us < SHORTEST_US);
+        let period_us = period_us.clamp(1, LONGEST_US);
+        Self { last: None, state: State { period_us, is_faster, ..State::default() } }
+    }
+
     /// Takes the next reading.
     pub fn read(&mut self, raw: RawSample) -> Sample {
         let (dt_us, differ, is_other) = match self.last.replace(raw) {
-            None => (PERIOD_US, [true; 3], true),
+            None => (self.state.period_us, [true; 3], true),
             Some(last) => {
                 let ([x, y, z], [new_x, new_y, new_z]) = (last.gyr, raw.gyr);
                 let dt_us = raw.time.since(last.time).min(GAP_US) as u32;
@@ -123,7 +136,11 @@ impl State {
         self.least_us <= 4 * LONGEST_US
             && self.most_us <= 4 * LONGEST_US
             && self.since_new_us <= LONGEST_US + 1
-            && (SHORTEST_US..=LONGEST_US).contains(&self.period_us)
+            && match self.is_faster {
+                0 => (SHORTEST_US..=LONGEST_US).contains(&self.period_us),
+                1 => (1..SHORTEST_US).contains(&self.period_us),
+                _ => false,
+            }
             && self.share <= LAST
             && self.counted <= 1 << LAST
             && self.counted_us <= LONGEST_US << LAST
@@ -152,6 +169,14 @@ impl State {
         self.was_new = differs.into();
         let was_still = self.since_new_us > LONGEST_US;
         let since_new_us = self.since_new_us + dt_us;
+        if self.is_faster != 0 {
+            self.since_new_us = if differs { 0 } else { since_new_us.min(LONGEST_US + 1) };
+            let is_new = differs || was_still || since_new_us > LONGEST_US;
+            return is_new.then_some(NewRates {
+                age_us: self.period_us / 2,
+                elapsed_us: if was_still { dt_us } else { since_new_us },
+            });
+        }
         // With one reading a refresh, as on a slow bus or after a missed reading, one period looks
         // like two.
         let is_seldom = dt_us > self.period_us * 3 / 4;
@@ -250,12 +275,30 @@ impl State {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Micros;
     use proptest::prelude::*;
     use proptest::test_runner::{RngAlgorithm, TestRng};
     use std::vec::Vec;
 
     const NEW: [bool; 3] = [true; 3];
     const SAME: [bool; 3] = [false; 3];
+
+    #[test]
+    fn a_sensor_faster_than_the_loop_has_rates_of_half_a_period() {
+        let mut refresh = Refresh::with_period(1_200);
+        let mut read = |us: u64, gyr: i16| {
+            let raw = RawSample { time: Micros(us), gyr: [gyr; 3], ..RawSample::default() };
+            refresh.read(raw).rates.map(|rates| (rates.age_us, rates.elapsed_us))
+        };
+        assert_eq!(read(0, 1), Some((600, 1_200)));
+        assert_eq!(read(6_667, 2), Some((600, 6_667)));
+        assert_eq!(read(13_333, 2), None);
+        assert_eq!(read(20_000, 3), Some((600, 13_333)));
+        let words: Vec<u32> = refresh.words().to_vec();
+        let same = Refresh::resumed(refresh.last.unwrap(), &words).unwrap();
+        assert_eq!(same, refresh);
+        assert_eq!(Refresh::with_period(9_615).state.period_us, 9_615);
+    }
 
     fn age_us(refreshed: Option<NewRates>) -> Option<u32> {
         refreshed.map(|refreshed| refreshed.age_us)

@@ -1,7 +1,7 @@
 //! Settings of the chip: address, ranges, rate.
 
 use tvc_imu::judge::Rules;
-use tvc_imu::{Description, Scale};
+use tvc_imu::{Description, RawSample, Scale};
 
 use crate::chip::Chip;
 use crate::registers as reg;
@@ -148,6 +148,22 @@ impl Rate {
     }
 }
 
+/// Units of the samples' counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Units {
+    /// Those of the chip, which follow from its ranges.
+    #[default]
+    Chip,
+    /// 0.01 m/s^2 and 1/16 deg/s, the defaults of a BNO055: one loop can read either. The ranges
+    /// that fit are up to 16 g and 2000 deg/s.
+    Bno055,
+}
+
+/// Counts of a BNO055 in 1 m/s^2 and in 1 deg/s.
+const BNO055_ACC: f32 = 100.0;
+/// See [`BNO055_ACC`].
+const BNO055_GYR: f32 = 16.0;
+
 /// The settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Config {
@@ -161,6 +177,8 @@ pub struct Config {
     pub gyr_range: GyrRange,
     /// Refresh rate of both.
     pub rate: Rate,
+    /// Units of the samples.
+    pub units: Units,
 }
 
 impl Config {
@@ -171,15 +189,45 @@ impl Config {
         acc_range: AccRange::G8,
         gyr_range: GyrRange::Dps1000,
         rate: Rate::Hz833,
+        units: Units::Chip,
     };
 
     /// Units of a count.
     #[must_use]
     pub const fn scale(&self) -> Scale {
-        Scale {
-            acc_m_s2: self.acc_range.mg() / 1000.0 * G,
-            gyr_rad_s: self.gyr_range.mdps() / 1000.0 * (core::f32::consts::PI / 180.0),
-            mag_ut: 1.0,
+        const RAD: f32 = core::f32::consts::PI / 180.0;
+        let (acc_m_s2, gyr_rad_s) = match self.units {
+            Units::Chip => (self.acc_range.mg() / 1000.0 * G, self.gyr_range.mdps() / 1000.0 * RAD),
+            Units::Bno055 => (1.0 / BNO055_ACC, RAD / BNO055_GYR),
+        };
+        Scale { acc_m_s2, gyr_rad_s, mag_ut: 1.0 }
+    }
+
+    /// A sample of the chip's counts in the settings' units, rounded.
+    #[must_use]
+    pub fn convert(&self, mut raw: RawSample) -> RawSample {
+        if self.units == Units::Bno055 {
+            convert(&mut raw.acc, self.acc_share());
+            convert(&mut raw.gyr, self.gyr_share());
+        }
+        raw
+    }
+
+    /// What a count of the chip is in the settings' units, times 65,536.
+    const fn acc_share(&self) -> i32 {
+        match self.units {
+            Units::Chip => 1 << 16,
+            Units::Bno055 => {
+                (self.acc_range.mg() / 1000.0 * G * BNO055_ACC * 65_536.0 + 0.5) as i32
+            }
+        }
+    }
+
+    /// See [`Self::acc_share`].
+    const fn gyr_share(&self) -> i32 {
+        match self.units {
+            Units::Chip => 1 << 16,
+            Units::Bno055 => (self.gyr_range.mdps() / 1000.0 * BNO055_GYR * 65_536.0 + 0.5) as i32,
         }
     }
 
@@ -189,10 +237,11 @@ impl Config {
         Description {
             scale: self.scale(),
             gyr_lag_s: 1.0 / (2.0 * core::f32::consts::PI * self.rate.gyr_bandwidth_hz()),
-            acc_range: ACC_RANGE,
-            gyr_range: GYR_RANGE,
+            acc_range: (ACC_RANGE as i64 * self.acc_share() as i64 >> 16) as u16,
+            gyr_range: (GYR_RANGE as i64 * self.gyr_share() as i64 >> 16) as u16,
+            refresh_us: self.rate.period_us(),
             burst_bytes: sample::BURST.answer_len() as u32,
-            rates_at: (reg::OUTX_L_G - reg::OUT_TEMP_L) as u32,
+            rates_at: 0,
             stretch_us: 0,
             reserve_us: 300,
         }
@@ -223,5 +272,39 @@ impl Config {
         let gyr = rate | (self.gyr_range as u8) << 1;
         let [ninth, tenth] = chip.last_controls();
         [acc, gyr, reg::BDU | reg::IF_INC, 0, 0, 0, 0, 0, ninth, tenth]
+    }
+}
+
+/// Multiplies words by a share of 65,536; the largest share is below 1.2, and saturates.
+fn convert(words: &mut [i16; 3], share: i32) {
+    for word in words {
+        let product = i32::from(*word).saturating_mul(share).saturating_add(0x8000) >> 16;
+        *word = product.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 1 g are 4098 counts of 0.244 mg, and 981 of 0.01 m/s^2; 100 deg/s are 2857 of 35 mdeg/s,
+    /// and 1600 of 1/16 deg/s.
+    #[test]
+    fn units_by_hand() {
+        let raw = RawSample {
+            acc: [4_098, -4_098, 32_767],
+            gyr: [2_857, -2_857, 0],
+            ..RawSample::default()
+        };
+        assert_eq!(Config::DEFAULT.convert(raw), raw);
+        let config = Config { units: Units::Bno055, ..Config::DEFAULT };
+        let RawSample { acc, gyr, .. } = config.convert(raw);
+        assert_eq!((acc, gyr), ([981, -981, 7_841], [1_600, -1_600, 0]));
+        let description = config.description();
+        assert_eq!((description.acc_range, description.gyr_range), (7_824, 15_679));
+        let widest = Config { acc_range: AccRange::G16, gyr_range: GyrRange::Dps2000, ..config };
+        let ends = RawSample { acc: [i16::MAX; 3], gyr: [i16::MIN; 3], ..raw };
+        let RawSample { acc, gyr, .. } = widest.convert(ends);
+        assert_eq!((acc, gyr), ([15_681; 3], [i16::MIN; 3]));
     }
 }

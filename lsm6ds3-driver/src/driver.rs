@@ -2,8 +2,8 @@
 
 use tvc_imu::judge::{Rules, Trust, Verdict, Words, received};
 use tvc_imu::{
-    Bursts, BusError, Health, Imu, Micros, NewRates, Next, RawSample, Refresh, Sample, SensorFault,
-    Transfer, Transferred,
+    Bursts, BusError, Health, Imu, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer,
+    Transferred,
 };
 
 use crate::chip::Chip;
@@ -11,9 +11,6 @@ use crate::config::Config;
 use crate::sample;
 use crate::self_test::SelfTest;
 use crate::startup::{self, Progress, Startup};
-
-/// Longest counted time between two samples with new rates, us.
-const GAP_US: u64 = 500_000;
 
 #[derive(Clone, Debug)]
 enum Phase {
@@ -29,8 +26,6 @@ struct Sampling {
     due: bool,
     /// A verification from [`Imu::next`] has no outcome yet.
     verifying: bool,
-    /// The last sample with new rates.
-    new_at: Option<Micros>,
 }
 
 /// An LSM6DS3, LSM6DSL or LSM6DSO, without its bus.
@@ -50,7 +45,7 @@ pub struct Driver {
     fault: Option<SensorFault>,
     health: Health,
     chip: Option<Chip>,
-    /// The temperature's count in the last good burst.
+    /// The temperature's count in the last good verification.
     temperature: Option<i16>,
     self_test: Option<SelfTest>,
     refresh: Refresh,
@@ -69,11 +64,11 @@ impl Driver {
             chip: None,
             temperature: None,
             self_test: None,
-            refresh: Refresh::default(),
+            refresh: Refresh::with_period(config.rate.period_us()),
         }
     }
 
-    /// The burst that reads temperature, rates and accelerations, 14 bytes.
+    /// The burst that reads rates and accelerations, 12 bytes.
     #[must_use]
     pub fn burst(&self) -> Transfer {
         sample::BURST
@@ -82,6 +77,7 @@ impl Driver {
     /// Sets the chip up anew with other settings.
     pub fn reconfigure(&mut self, config: Config) {
         self.rules = config.rules();
+        self.refresh = Refresh::with_period(config.rate.period_us());
         self.config = config;
         self.phase = Phase::Startup(Startup::default());
         self.fault = Some(SensorFault::Booting);
@@ -107,7 +103,7 @@ impl Driver {
         self.chip
     }
 
-    /// Temperature of the chip in the last good sample, degrees Celsius.
+    /// Temperature of the chip at the last verification, degrees Celsius.
     #[must_use]
     pub fn celsius(&self) -> Option<f32> {
         self.chip.zip(self.temperature).map(|(chip, count)| chip.celsius(count))
@@ -135,21 +131,16 @@ impl Driver {
             return Err(self.cause());
         };
         let mut words = Words::default();
-        let mut temperature = None;
         // Rates of -1 on all axes come at rest by chance, but not after a lost burst.
         let verdict = match trust.received(outcome, sample::RATES.answer_len()) {
             Ok(bytes) => match sample::read(&mut words, trust.inspector(), bytes) {
-                Ok(count) => {
-                    temperature = count;
-                    trust.judge(&mut self.health, &self.rules, time, &words, count.is_some())
-                }
+                Ok(is_whole) => trust.judge(&mut self.health, &self.rules, time, &words, is_whole),
                 Err(fault) => trust.conclude(&mut self.health, time, Err(fault)),
             },
             Err(fault) => trust.silent(&mut self.health, time, fault),
         };
         let sample = trust.inspector().sample();
         self.take(time, verdict)?;
-        self.temperature = temperature.or(self.temperature);
         sample.ok_or(SensorFault::Booting)
     }
 
@@ -178,8 +169,9 @@ impl Driver {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return;
         };
-        let judged =
-            received(outcome, 0).and_then(|bytes| startup::confirm(&self.config, self.chip, bytes));
+        let judged = received(outcome, 0)
+            .and_then(|bytes| startup::confirm(&self.config, self.chip, bytes))
+            .map(|temperature| self.temperature = Some(temperature));
         let verdict = sampling.trust.verified(&mut self.health, now, judged);
         // Registers that read wrong are read again at once.
         sampling.due = sampling.trust.is_mismatched();
@@ -227,25 +219,6 @@ impl Driver {
         }
         self.phase = Phase::Startup(startup);
     }
-
-    /// Dates the new rates of a sensor that refreshes faster than it is read: they are half a
-    /// period old on average, and cover the time since the last new ones. `Refresh` finds the
-    /// period of a sensor that is read more often than it refreshes.
-    fn date(&mut self, sample: &mut Sample) {
-        let (Some(rates), Phase::Sampling(sampling)) = (&mut sample.rates, &mut self.phase) else {
-            return;
-        };
-        let period_us = self.config.rate.period_us();
-        let last = sampling.new_at.replace(sample.raw.time);
-        let elapsed_us = match last {
-            Some(last) => sample.raw.time.since(last).min(GAP_US) as u32,
-            None => period_us,
-        };
-        if elapsed_us >= period_us {
-            *rates = NewRates { age_us: period_us / 2, elapsed_us };
-            sample.refresh_us = period_us;
-        }
-    }
 }
 
 impl Imu for Driver {
@@ -257,7 +230,7 @@ impl Imu for Driver {
             },
             Phase::Sampling(sampling) if sampling.due => {
                 sampling.verifying = true;
-                Next::Transfer(startup::CONTROLS)
+                Next::Transfer(startup::STATUS)
             }
             Phase::Sampling(_) => Next::Sample,
         }
@@ -302,9 +275,7 @@ impl Imu for Driver {
 
     fn sample(&mut self, time: Micros, outcome: Transferred<'_>) -> Result<Sample, SensorFault> {
         let raw = self.judge(time, outcome)?;
-        let mut sample = self.refresh.read(raw);
-        self.date(&mut sample);
-        Ok(sample)
+        Ok(self.refresh.read(self.config.convert(raw)))
     }
 
     fn overdue(&mut self, time: Micros, outcome: Transferred<'_>) {

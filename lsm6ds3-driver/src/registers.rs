@@ -8,9 +8,9 @@ pub const WHO_AM_I: u8 = 0x0F;
 pub const CTRL1_XL: u8 = 0x10;
 /// Resets, byte order, address increment.
 pub const CTRL3_C: u8 = 0x12;
-/// The first output: temperature, rates and accelerations follow each other.
+/// The temperature, behind the control and status registers.
 pub const OUT_TEMP_L: u8 = 0x20;
-/// The first byte of the rates.
+/// The first byte of the rates; the accelerations follow.
 pub const OUTX_L_G: u8 = 0x22;
 
 /// Number of control registers from [`CTRL1_XL`] on.

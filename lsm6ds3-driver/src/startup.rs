@@ -129,7 +129,7 @@ impl Startup {
             }
             Step::Measure(_) | Step::AwaitData => sample::BURST,
             Step::Write => Transfer::write(reg::CTRL1_XL, config.controls(chip)),
-            Step::Confirm => CONTROLS,
+            Step::Confirm => STATUS,
         }
     }
 
@@ -162,7 +162,7 @@ impl Startup {
             (Step::Measure(stimulated), _) => self.measure(stimulated, bytes),
             (Step::Write, _) => Verdict::Go(Step::Confirm, 0),
             (Step::Confirm, _) => match confirm(config, self.chip, bytes) {
-                Ok(()) => {
+                Ok(_) => {
                     self.inspector = self.inspector.anew();
                     self.bursts = 0;
                     Verdict::Go(Step::AwaitData, TURN_ON_US)
@@ -193,8 +193,8 @@ impl Startup {
     /// Judges a burst before the first sample. The second fresh one shows that the data move.
     fn look(&mut self, now: Micros, bytes: &[u8], config: &Config) -> Verdict {
         let mut words = Words::default();
-        let judged = sample::read(&mut words, &self.inspector, bytes).and_then(|whole| {
-            self.inspector.judge(&config.rules(), now, &words, whole.is_some(), false)
+        let judged = sample::read(&mut words, &self.inspector, bytes).and_then(|is_whole| {
+            self.inspector.judge(&config.rules(), now, &words, is_whole, false)
         });
         match judged {
             Ok(judged) if judged.fresh && self.bursts >= 1 => Verdict::Reached,
@@ -268,10 +268,11 @@ impl Startup {
     }
 }
 
-/// The read of all control registers.
-pub(crate) const CONTROLS: Transfer = Transfer::read(reg::CTRL1_XL, reg::CONTROLS as u8);
+/// The read of all control registers, and the temperature behind them.
+pub(crate) const STATUS: Transfer =
+    Transfer::read(reg::CTRL1_XL, reg::OUT_TEMP_L + 2 - reg::CTRL1_XL);
 
-/// Whether the control registers hold the settings.
+/// The temperature's count, if the control registers hold the settings.
 ///
 /// # Errors
 /// The fault. A chip that has its defaults again, without a rate, has reset itself.
@@ -279,17 +280,17 @@ pub(crate) fn confirm(
     config: &Config,
     chip: Option<Chip>,
     bytes: &[u8],
-) -> Result<(), SensorFault> {
+) -> Result<i16, SensorFault> {
     let right = chip.map(|chip| config.controls(chip)).ok_or(SensorFault::Protocol)?;
-    if bytes.len() != right.len() {
+    let (Some(controls), Some(temperature)) = (bytes.get(..right.len()), bytes.last_chunk()) else {
         return Err(SensorFault::Protocol);
-    }
-    if let [0, 0, ..] = bytes {
+    };
+    if let [0, 0, ..] = controls {
         return Err(SensorFault::Reset);
     }
-    let mut registers = (reg::CTRL1_XL..).zip(bytes.iter().zip(right));
+    let mut registers = (reg::CTRL1_XL..).zip(controls.iter().zip(right));
     match registers.find(|(_, (found, right))| **found != *right) {
-        None => Ok(()),
+        None => Ok(i16::from_le_bytes(*temperature)),
         Some((register, (found, _))) => Err(SensorFault::Configuration { register, found: *found }),
     }
 }

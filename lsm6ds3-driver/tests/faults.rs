@@ -111,7 +111,7 @@ fn frozen_data_are_seen_within_70_ms() {
 fn all_ones_are_a_gap_and_a_gyroscope_that_vanishes_is_torn() {
     let mut rig = Rig::flying(Config::default());
     rig.chip.on_wire(|register, bytes| {
-        if register == 0x20 {
+        if register == 0x22 {
             bytes.fill(0xFF);
         }
     });
@@ -119,8 +119,8 @@ fn all_ones_are_a_gap_and_a_gyroscope_that_vanishes_is_torn() {
     rig.chip.on_wire(|_, _| ());
     assert!(rig.bursts(20).iter().all(Result::is_ok));
     rig.chip.on_wire(|register, bytes| {
-        if register == 0x20 {
-            bytes[8..].fill(0);
+        if register == 0x22 {
+            bytes[6..].fill(0);
         }
     });
     assert_eq!(first_fault(&mut rig, 1), SensorFault::Torn);
@@ -134,8 +134,8 @@ fn a_spike_of_a_rate_is_held() {
     let mut rig = Rig::flying(Config::default());
     for bit in 5..8 {
         rig.chip.on_wire(move |register, bytes| {
-            if register == 0x20 {
-                bytes[5] ^= 1 << bit;
+            if register == 0x22 {
+                bytes[3] ^= 1 << bit;
             }
         });
         let [Ok(sample)] = rig.bursts(1)[..] else { panic!("refused") };

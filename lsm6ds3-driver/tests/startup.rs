@@ -32,9 +32,9 @@ fn set_up_is_exactly_this() {
             Transfer::write(0x12, [0x05]),
             Transfer::read(0x12, 1),
             Transfer::write(0x10, set),
-            Transfer::read(0x10, 10),
-            Transfer::read(0x20, 14),
-            Transfer::read(0x20, 14),
+            Transfer::read(0x10, 18),
+            Transfer::read(0x22, 12),
+            Transfer::read(0x22, 12),
         ]
     );
     assert_eq!(rig.driver.chip(), Some(Chip::Lsm6ds3));

@@ -38,12 +38,12 @@ impl Kind {
         if value == Self::Lsm6ds3.value() { Self::Lsm6ds3 } else { Self::Bno055 }
     }
 
-    /// Its sample in the units of [`SCALE`].
+    /// A sample of its chip's counts in the units of [`SCALE`].
     #[must_use]
     pub fn in_common_units(self, raw: RawSample) -> RawSample {
         match self {
             Self::Bno055 => raw,
-            Self::Lsm6ds3 => lsm6ds3::scaled(raw),
+            Self::Lsm6ds3 => lsm6ds3::convert(raw),
         }
     }
 
@@ -114,12 +114,7 @@ impl Imu for Sensor {
     }
 
     fn sample(&mut self, time: Micros, outcome: Transferred<'_>) -> Result<Sample, SensorFault> {
-        match self {
-            Self::Bno055(driver) => driver.sample(time, outcome),
-            Self::Lsm6ds3(driver) => driver
-                .sample(time, outcome)
-                .map(|sample| Sample { raw: lsm6ds3::scaled(sample.raw), ..sample }),
-        }
+        either!(self, driver => driver.sample(time, outcome))
     }
 
     fn overdue(&mut self, time: Micros, outcome: Transferred<'_>) {

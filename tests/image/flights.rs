@@ -2,11 +2,15 @@
 
 use crate::{firmware, ready};
 use client::{Failure, Parameter, StateKind};
+use rig::bench::{Since, TimedFault};
+use rig::bno055::Fault;
 use rig::ground_station::GroundStationError;
+use rig::lsm6ds3;
 use rig::replay::{pair, parity};
 use rig::{Ready, ServoKind, Setup, Ticks, fly_at_once, prepare};
 use tvc_nano::Axis;
 use tvc_nano::params::FilterKind;
+use tvc_nano::sensor::Kind;
 
 fn ms(ms: u64) -> Ticks {
     Ticks::from_ms(ms)
@@ -202,6 +206,54 @@ fn every_filter_flies() {
         stored.set("FUSE_FILTER", kind.value()).unwrap();
         flies(&setup, 0.55);
         agrees(prepare(firmware(), &setup, &mut |_| {}).unwrap(), name);
+    }
+}
+
+/// Without a BNO055, the sensor on the board brings the drone upright; its quaternions are the host
+/// library's.
+#[test]
+fn the_sensor_on_the_board_flies_alone() {
+    for servo in [ServoKind::S3003, ServoKind::Digital] {
+        let mut setup = Setup::with_polarity(servo, 1);
+        let stored = setup.rig.stored.get_or_insert_default();
+        stored.set("SENSOR", Kind::Lsm6ds3.value()).unwrap();
+        setup.rig.bench.faults.push(TimedFault {
+            fault: Fault::Unplugged,
+            since: Since::PowerOn,
+            at: Ticks::ZERO,
+            until: Ticks::NEVER,
+        });
+        flies(&setup, 0.55);
+        let mut ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
+        let Ready { rig, station, .. } = &mut ready;
+        // It boots sooner than the port: the first sample waits until somebody listens.
+        rig.environment.onboard.inject(rig.now(), lsm6ds3::Fault::Silent);
+        rig.power_cycle();
+        station.connect(rig).unwrap();
+        station.begin_measurement();
+        rig.environment.onboard.clear(rig.now(), lsm6ds3::Fault::Silent);
+        station.run(rig, ms(5000)).unwrap();
+        agrees(ready, "on board");
+    }
+}
+
+/// While disarmed the other sensor takes over at once, and back.
+#[test]
+fn the_sensor_is_changed_while_disarmed() {
+    let mut ready = ready();
+    let Ready { rig, station, .. } = &mut ready;
+    for kind in [Kind::Lsm6ds3, Kind::Bno055] {
+        station.set_parameter(rig, "SENSOR", kind.value()).unwrap();
+        station.run(rig, ms(8000)).unwrap();
+        station.arm(rig).unwrap();
+        let refused = station.set_parameter(rig, "SENSOR", 1.0 - kind.value());
+        assert!(refused.is_err(), "{kind:?} in control");
+        station.disarm(rig).unwrap();
+        rig.environment.truth.clear();
+        station.run(rig, ms(100)).unwrap();
+        let burst_us = rig.truth().bursts.iter().map(|b| (b.end - b.start).as_secs_f64() * 1e6);
+        let longest_us = burst_us.fold(0.0, f64::max);
+        assert_eq!(longest_us < 1_000.0, kind == Kind::Lsm6ds3, "{kind:?}: {longest_us}");
     }
 }
 

@@ -223,13 +223,14 @@ pub fn replay(
     for (name, value) in changed {
         params.set(name, *value).map_err(|error| BadInput::new(format!("{name}: {error}")))?;
     }
+    let refresh = params.refresh();
     let mut run = Run {
         flight: Flight::new(params, BootReport::default())
             .map_err(|error| BadInput::new(format!("the log's parameters: {error}")))?,
         code: None,
         now: Micros(0),
         newest: None,
-        refresh: Refresh::default(),
+        refresh,
         knows_refresh: false,
         ordered: false,
         expected: None,

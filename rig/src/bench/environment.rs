@@ -199,6 +199,7 @@ impl Environment {
     pub fn power_on(&mut self) {
         self.end_faults(Since::PowerOn);
         self.powered = STEP * self.steps;
+        self.onboard.power_on(self.powered);
     }
 
     fn end_faults(&mut self, since: Since) {

@@ -12,7 +12,7 @@ use samd21::board::Ticks;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use tvc_nano::failsafe::BootReport;
-use tvc_nano::{Flight, Micros, Params, RawSample, Refresh};
+use tvc_nano::{Flight, Micros, Params, RawSample};
 
 /// How often progress is reported.
 const PROGRESS: Ticks = Ticks::from_ms(100);
@@ -154,10 +154,10 @@ fn score(rig: &Rig, recording: &Recording, pairs: &[(RawImu, Attitude)]) -> (Opt
 pub fn parity(parameters: &BTreeMap<String, f32>, pairs: &[(RawImu, Attitude)]) -> Parity {
     let mut params = Params::default();
     let known = parameters.iter().all(|(name, value)| params.set(name, *value).is_ok());
+    let mut refresh = params.refresh();
     let Ok(mut flight) = Flight::new(params, BootReport::default()) else {
         return Parity::default();
     };
-    let mut refresh = Refresh::default();
     let mut parity = Parity::default();
     for (sample, attitude) in pairs {
         let time = Micros(sample.time_us);

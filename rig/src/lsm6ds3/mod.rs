@@ -40,9 +40,7 @@ use samd21::board::{I2cEvent, I2cReply, Ticks};
 /// The chip's 7-bit address.
 pub const ADDRESS: u8 = 0x6A;
 
-/// The first register of a whole burst, which is the temperature, and of the rates.
-pub(crate) const TEMPERATURE: u8 = OUT_TEMP as u8;
-/// See [`TEMPERATURE`].
+/// The first register of the rates; the accelerations follow.
 pub(crate) const RATES: u8 = OUT_G as u8;
 
 /// From power-on to the first acknowledge.
@@ -168,6 +166,14 @@ impl Lsm6ds3 {
     #[must_use]
     pub fn gyro_bias_rad_s(&self) -> [f64; 3] {
         self.signals.gyro_bias_rad_s()
+    }
+
+    /// The power comes on again.
+    pub fn power_on(&mut self, now: Ticks) {
+        self.run(now);
+        self.reset();
+        self.boots = now + BOOT;
+        self.transfer = Transfer::default();
     }
 
     /// Whether the transfer under way is with it.

@@ -13,23 +13,21 @@ use tvc_nano::{Axis, RawSample};
 const LONGEST: usize = 18;
 
 /// Which of a sample's nine words each word of a burst is.
-type Layout = &'static [Option<usize>];
+type Layout = &'static [usize];
 
-const WORDS: [Option<usize>; 9] =
-    [Some(0), Some(1), Some(2), Some(3), Some(4), Some(5), Some(6), Some(7), Some(8)];
 /// A whole burst of a BNO055.
-const BNO055: Layout = &WORDS;
-/// A whole burst of an LSM6DS3: the temperature, the rates, the accelerations.
-const LSM6DS3: Layout = &[None, WORDS[6], WORDS[7], WORDS[8], WORDS[0], WORDS[1], WORDS[2]];
+const BNO055: Layout = &[0, 1, 2, 3, 4, 5, 6, 7, 8];
+/// A whole burst of an LSM6DS3, which begins with the rates.
+const LSM6DS3: Layout = &[6, 7, 8, 0, 1, 2];
 /// The rates alone, of either.
-const RATES: Layout = WORDS.split_at(6).1;
+const RATES: Layout = &[6, 7, 8];
 
 /// The layout of the burst that a pointer begins.
 fn layout(sensor: Kind, pointer: u8) -> Option<Layout> {
     match (sensor, pointer) {
         (Kind::Bno055, ACC_DATA) => Some(BNO055),
-        (Kind::Lsm6ds3, lsm6ds3::TEMPERATURE) => Some(LSM6DS3),
-        (Kind::Bno055, GYR_DATA) | (Kind::Lsm6ds3, lsm6ds3::RATES) => Some(RATES),
+        (Kind::Bno055, GYR_DATA) => Some(RATES),
+        (Kind::Lsm6ds3, lsm6ds3::RATES) => Some(LSM6DS3),
         _ => None,
     }
 }
@@ -108,7 +106,7 @@ impl LogicAnalyzer {
             (I2cEvent::Read, Some(t)) => {
                 t.refresh.get_or_insert(registers.refresh);
                 if t.count.is_multiple_of(2)
-                    && let Some(Some(place)) = t.layout.get(t.count / 2)
+                    && let Some(place) = t.layout.get(t.count / 2)
                 {
                     t.faultless[*place] = registers.faultless.as_flattened()[*place];
                 }
@@ -118,6 +116,9 @@ impl LogicAnalyzer {
                 t.count += 1;
             }
             (I2cEvent::Stop, Some(t)) => {
+                if t.layout == LSM6DS3 && t.count == 2 * RATES.len() {
+                    t.layout = RATES;
+                }
                 if let (Some(start), Some(refresh)) = (t.start, t.refresh)
                     && t.count >= 2 * t.layout.len()
                 {
@@ -127,9 +128,7 @@ impl LogicAnalyzer {
                     let (rest, valid) = rest.unwrap_or(([0; 9], !alone));
                     let mut words = [0; 9];
                     for (place, bytes) in t.layout.iter().zip(t.bytes.chunks_exact(2)) {
-                        if let Some(place) = place {
-                            words[*place] = i16::from_le_bytes([bytes[0], bytes[1]]);
-                        }
+                        words[*place] = i16::from_le_bytes([bytes[0], bytes[1]]);
                     }
                     words = in_common_units(registers.sensor, words);
                     let mut faultless = in_common_units(registers.sensor, t.faultless);
