@@ -378,7 +378,8 @@ impl Telemetry {
         let inertial = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO
             | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_ACCEL;
         let magnetometer = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_MAG;
-        let sensors = inertial | magnetometer;
+        let has_mag = flight.params().sensor_kind().description().has_mag;
+        let sensors = if has_mag { inertial | magnetometer } else { inertial };
         let attitude = MavSysStatusSensor::MAV_SYS_STATUS_AHRS;
         let control = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_ATTITUDE_STABILIZATION;
         let readiness = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;

@@ -126,6 +126,7 @@ impl Config {
         let first_hz = self.sensors.gyr_bandwidth.hz();
         Description {
             scale: self.units.scale(),
+            has_mag: self.mode.has_mag(),
             gyr_lag_s: 1.0 / (2.0 * core::f32::consts::PI * first_hz),
             acc_range: self.acc_range_counts(),
             gyr_range: self.gyr_range_counts(),

@@ -33,6 +33,8 @@ pub struct Bursts {
 pub struct Description {
     /// Units of a count.
     pub scale: Scale,
+    /// It has a magnetometer.
+    pub has_mag: bool,
     /// Lag of the gyroscope's filter, as of a first-order filter, s.
     pub gyr_lag_s: f32,
     /// An acceleration beyond this clips, counts.

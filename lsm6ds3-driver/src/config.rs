@@ -236,6 +236,7 @@ impl Config {
     pub const fn description(&self) -> Description {
         Description {
             scale: self.scale(),
+            has_mag: false,
             gyr_lag_s: 1.0 / (2.0 * core::f32::consts::PI * self.rate.gyr_bandwidth_hz()),
             acc_range: (ACC_RANGE as i64 * self.acc_share() as i64 >> 16) as u16,
             gyr_range: (GYR_RANGE as i64 * self.gyr_share() as i64 >> 16) as u16,

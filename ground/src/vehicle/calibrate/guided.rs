@@ -8,13 +8,14 @@ use calibration::poses::{self, Face};
 use calibration::prompt::Prompt;
 use calibration::{Found, Sensor, Wanted, fit, rest, stillness};
 use client::request;
+use tvc_nano::sensor::Kind;
 
 use super::options::{Calibrate, Files, place};
 use super::outcome::Outcome;
 use super::person::{Ending, Question};
 use super::session::Session;
 use super::{declination, readings};
-use report::exit::Verdict;
+use report::exit::{BadInput, Verdict};
 use report::file::{print_json_if, write_whole};
 use report::measure::{Figures, figure};
 
@@ -58,6 +59,21 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     Ok(Verdict::of(!ending.refused))
 }
 
+/// What is wanted of what the vehicle's sensor has.
+///
+/// # Errors
+/// Only its magnetometer is wanted, and it has none.
+fn of_its_sensor(session: &mut Session, wanted: &Wanted) -> Result<Wanted> {
+    let sensor = Kind::of(session.vehicle.parameter("SENSOR")?);
+    let has = |part: &Sensor| *part != Sensor::Mag || sensor.description().has_mag;
+    let all = [Sensor::Gyr, Sensor::Acc, Sensor::Mag, Sensor::Level];
+    let only: Vec<_> = all.into_iter().filter(|part| wanted.has(*part) && has(part)).collect();
+    if only.is_empty() {
+        return Err(BadInput::new("the vehicle's sensor (SENSOR) has no magnetometer").into());
+    }
+    Ok(Wanted { only, ..wanted.clone() })
+}
+
 /// Leads through the calibration of what is wanted, shows what was found and writes it, if the
 /// person agrees. Gives also why a file could not be written, which takes nothing of the
 /// calibration away. The person is asked for the declination unless it is `asked_deg`.
@@ -70,6 +86,7 @@ pub fn calibrate(
     asked_deg: Option<f64>,
     files: &Files,
 ) -> Result<(Figures, Ending, Result<()>)> {
+    let wanted = &of_its_sensor(session, wanted)?;
     let folder = tempfile::tempdir().context("making a temporary folder")?;
     let log = folder.path().join("calibration.tlog");
     session.vehicle.keep_log(&log)?;

@@ -21,10 +21,12 @@ const TOLD: Duration = Duration::from_secs(3);
 const CALIBRATED: [(&str, &str); 5] = [
     ("accelerometer", "CAL_ACC_"),
     ("gyroscope", "CAL_GYR_"),
-    ("magnetometer", "CAL_MAG_"),
+    (MAGNETOMETER, "CAL_MAG_"),
     ("mount", "MNT_"),
     (SERVO, "SRV_"),
 ];
+/// The group of the magnetometer.
+const MAGNETOMETER: &str = "magnetometer";
 /// The group of the servo.
 pub const SERVO: &str = "servo";
 
@@ -122,7 +124,9 @@ impl Heard {
             let is_set_up = set.iter().any(|row| row.name.starts_with(prefix));
             is_set_up || (*name == SERVO && polarity_checked)
         };
-        let (calibrated, uncalibrated): (Vec<_>, Vec<_>) = CALIBRATED.iter().partition(is_done);
+        let has_mag = params.sensor_kind().description().has_mag;
+        let groups = CALIBRATED.iter().filter(|(name, _)| has_mag || *name != MAGNETOMETER);
+        let (calibrated, uncalibrated): (Vec<_>, Vec<_>) = groups.partition(is_done);
         let names =
             |groups: Vec<&(&'static str, &str)>| groups.iter().map(|group| group.0).collect();
         let build = self.build.as_ref().map(vehicle_build);
