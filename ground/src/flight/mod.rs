@@ -4,3 +4,4 @@ pub mod disturb;
 pub mod fly;
 pub mod hardware;
 pub mod rig;
+pub mod sensor;

@@ -17,6 +17,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use crate::flight::disturb::Disturb;
 use crate::flight::fly::{faults, start_angle};
 use crate::flight::hardware::HardwareChoice;
+use crate::flight::sensor::SensorOption;
 use crate::image::ImageOption;
 use design::vehicle::VehicleChoice;
 use report::arguments::{number, seconds};
@@ -40,7 +41,7 @@ Examples:
   tvc rig --pty --faults scenarios/faults.toml   with faults of the sensor in every flight
   tvc rig tell ./nano fault unplugged      something done by hand to the rig with that link
   mavproxy.py --master ./nano                    any MAVLink client does
-  tvc rig --pty --link ./nano --blank --sensor worst   something to calibrate, with
+  tvc rig --pty --link ./nano --blank --sensor-errors worst   something to calibrate, with
   tvc calibrate --port ./nano                  in a second terminal
 
 The hand at the rig does with sensor and drone what `tvc calibrate` asks for. The clamp opens when the firmware goes to active and closes when it is disarmed. With --link, `tvc rig tell` and the page of `tvc web` can act on the rig while it runs, through the socket LINK.control.
@@ -96,9 +97,13 @@ pub struct RigChoice {
     #[arg(long)]
     pub blank: bool,
 
-    /// The sensor on the rig.
-    #[arg(long, value_enum, default_value_t = SensorChoice::Typical)]
-    pub sensor: SensorChoice,
+    /// The sensor.
+    #[command(flatten)]
+    pub sensor: SensorOption,
+
+    /// Errors of the sensor.
+    #[arg(long, value_enum, default_value_t = SensorErrors::Typical)]
+    pub sensor_errors: SensorErrors,
 
     /// How well the hand does what `tvc calibrate` asks for.
     #[arg(long, value_enum, default_value_t = Manner::Steady)]
@@ -142,17 +147,25 @@ pub enum RigCommand {
     Tell(tell::Tell),
 }
 
-/// A sensor.
+/// Errors of a sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum SensorChoice {
+pub enum SensorErrors {
     /// Noise and a gyroscope's bias of up to 1 deg/s.
     Typical,
     /// The largest errors of a healthy one: 80 mg, 3 deg/s, 40 uT, soft iron with 20 % of skew.
     Worst,
 }
 
-impl SensorChoice {
-    /// Its errors.
+impl SensorErrors {
+    /// Those of the LSM6DS3.
+    fn onboard(self) -> ImuErrors {
+        match self {
+            Self::Typical => ImuErrors::LSM6DS3,
+            Self::Worst => ImuErrors::LARGEST,
+        }
+    }
+
+    /// Those of the BNO055.
     pub fn errors(self) -> ImuErrors {
         match self {
             Self::Typical => ImuErrors::TYPICAL,
@@ -226,7 +239,8 @@ impl RigChoice {
             hardware: self.hardware.hardware()?,
             ..::rig::RigConfig::default()
         };
-        config.bench.sensor.errors = self.sensor.errors();
+        config.bench.sensor.errors = self.sensor_errors.errors();
+        config.bench.onboard = self.sensor_errors.onboard();
         config.bench.start_rad = self.tilt;
         self.vehicle.read(self.servo)?.hang(&mut config)?;
         match &mut config.bench.vehicle {
@@ -241,6 +255,7 @@ impl RigChoice {
         config.bench.parameters = parameters.with_lateral_offset(self.cm_offset * 1e-3);
         config.bench.disturbances = self.disturb.over(scenario.disturbances);
         config.bench.faults = scenario.faults;
+        self.sensor.fit(&mut config)?;
         let mut rig = ::rig::Rig::new(&self.image.image()?, &config)?;
         if let Some(path) = self.memory.as_deref().filter(|path| path.exists()) {
             let refuse = |why: &str| BadInput::new(format!("--memory {} {why}", path.display()));

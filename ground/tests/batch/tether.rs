@@ -49,7 +49,7 @@ fn the_page_leads_from_a_blank_vehicle_to_its_report() {
     let image = folder.join("image.elf");
     let built = tvc(&["flash", "--elf", image.to_str().unwrap()]);
     assert!(built.status.success(), "{}", said(&built));
-    let rig = "--rig=--image image.elf --blank --sensor worst --memory nano.bin";
+    let rig = "--rig=--image image.elf --blank --sensor-errors worst --memory nano.bin";
 
     let commands = commands();
     assert!(commands.len() > 15, "{commands:#?}");

@@ -16,8 +16,6 @@ use std::num::NonZeroU32;
 use anyhow::{Result, bail};
 use maud::{Markup, html};
 use rig::Image;
-use rig::bench::{Since, TimedFault};
-use rig::bno055::Fault;
 use rig::flight::{FlightRecord, Setup};
 use samd21::board::Ticks;
 
@@ -28,7 +26,6 @@ use ::report::page::{page, verdicts};
 use design::control_law;
 use design::vehicle::{Vehicle, VehicleKind, store};
 pub use options::{Fly, start_angle};
-use tvc_nano::sensor::Kind;
 
 /// Flies as `options` say, prints the figures and writes the report.
 pub fn run(options: &Fly) -> Result<Verdict> {
@@ -83,18 +80,7 @@ fn setup(options: &Fly, vehicle: &Vehicle) -> Result<Setup> {
         let stored = setup.rig.stored.get_or_insert_default();
         store(stored, &[("FUSE_FILTER".to_owned(), filter.value())])?;
     }
-    if let Some(sensor) = options.sensor {
-        let stored = setup.rig.stored.get_or_insert_default();
-        store(stored, &[("SENSOR".to_owned(), sensor.value())])?;
-        if sensor != Kind::Bno055 {
-            setup.rig.bench.faults.push(TimedFault {
-                fault: Fault::Unplugged,
-                since: Since::PowerOn,
-                at: Ticks::ZERO,
-                until: Ticks::NEVER,
-            });
-        }
-    }
+    options.sensor.fit(&mut setup.rig)?;
     vehicle.hang(&mut setup.rig)?;
     setup.rig.hardware = options.hardware.hardware()?;
     Ok(setup)

@@ -2,6 +2,7 @@
 
 use crate::flight::disturb::Disturb;
 use crate::flight::hardware::HardwareChoice;
+use crate::flight::sensor::SensorOption;
 use crate::image::ImageOption;
 use ::rig::ServoKind;
 use ::rig::flight::Gains;
@@ -12,7 +13,6 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 use tvc_nano::Params;
 use tvc_nano::params::FilterKind;
-use tvc_nano::sensor::Kind;
 
 /// Options of `tvc fly`.
 #[derive(Debug, Args)]
@@ -74,9 +74,9 @@ pub struct Fly {
     #[arg(long, value_name = "NAME", conflicts_with = "params", value_parser = filter)]
     pub filter: Option<FilterKind>,
 
-    /// Sensor: bno055, or lsm6ds3 on the Nano's board alone [default: bno055].
-    #[arg(long, value_name = "NAME", value_parser = sensor)]
-    pub sensor: Option<Kind>,
+    /// The sensor.
+    #[command(flatten)]
+    pub sensor: SensorOption,
 
     /// Play a recording through the emulated BNO055 and score the attitude.
     #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "params", "sensor", "Disturb"])]
@@ -130,15 +130,6 @@ fn filter(text: &str) -> Result<FilterKind, String> {
     found.map(|(kind, _)| kind).ok_or_else(|| {
         let names = FilterKind::ALL.map(|(_, name)| name).join(", ");
         format!("the image has the filters {names}")
-    })
-}
-
-fn sensor(text: &str) -> Result<Kind, String> {
-    let mut all = Kind::ALL.into_iter();
-    let found = all.find(|(_, name)| *name == text);
-    found.map(|(kind, _)| kind).ok_or_else(|| {
-        let names = Kind::ALL.map(|(_, name)| name).join(", ");
-        format!("the image has drivers for {names}")
     })
 }
 

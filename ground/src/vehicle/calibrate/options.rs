@@ -29,7 +29,7 @@ Examples:
   tvc calibrate servo --second                           the same of the second servo
   tvc calibrate polarity                                 then see the rudder answer a tilt
   tvc calibrate hold                                     then, on the tether, the lateral offset
-  tvc rig --pty --link ./nano --blank --sensor worst     a virtual rig to try it at
+  tvc rig --pty --link ./nano --blank --sensor-errors worst     a virtual rig to try it at
 
 Exit status: 0 calibrated, 1 the data do not allow it (standard error says why), 2 unusable input.")]
 #[command(args_conflicts_with_subcommands = true)]

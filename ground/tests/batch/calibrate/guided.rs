@@ -101,7 +101,7 @@ impl Rig {
 
 #[test]
 fn a_sensor_with_the_largest_errors_is_calibrated_at_the_port_and_out_of_the_recording_alike() {
-    let rig = Rig::start("--sensor worst --seed 5");
+    let rig = Rig::start("--sensor-errors worst --seed 5");
     let output = rig.tvc(&["calibrate", "--yes", "--place", "55.79,12.52"]);
     let found = json(&output);
     assert_keys("calibrate", &found);
@@ -133,7 +133,7 @@ fn a_sensor_with_the_largest_errors_is_calibrated_at_the_port_and_out_of_the_rec
 
 /// Status 1 and the reason; the vehicle keeps what it has.
 fn assert_refused(hand: &str, only: &str, reason: &str) {
-    let rig = Rig::start(&format!("--sensor worst --hand {hand}"));
+    let rig = Rig::start(&format!("--sensor-errors worst --hand {hand}"));
     let before = rig.parameters();
     let output = rig.tvc(&["calibrate", "--yes", "--only", only]);
     let words = said(&output);

@@ -50,7 +50,8 @@ fn assert_met(page: &Page) -> Value {
 
 #[test]
 fn a_nano_out_of_its_box_is_set_up_and_released_from_the_page_alone() {
-    let (folder, port, _rig) = vehicle_with(&["--blank", "--sensor", "worst", "--speed", "4"]);
+    let (folder, port, _rig) =
+        vehicle_with(&["--blank", "--sensor-errors", "worst", "--speed", "4"]);
     let server = Server::of(&port, folder.path());
     let page = server.page();
 
