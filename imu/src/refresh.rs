@@ -15,7 +15,7 @@
 //! of them. Then the last rates are new in this burst and the first rates in the next. The second
 //! rate decides.
 //!
-//! A sensor that refreshes faster than the loop reads needs none of this. Its rates are half a period
+//! A sensor that refreshes faster than it is read needs none of this: its rates are half a period
 //! old on average, and cover the time since the last new reading.
 //!
 //! A magnetometer is slower than the loop, and its words repeat until it has measured again.
