@@ -15,7 +15,7 @@ use crate::flight::{Flight, Reading, Snapshot};
 use crate::guard::{Changed, Guard, Sum};
 use crate::led;
 use crate::recorder::Recorder;
-use crate::sensor::Sensor;
+use crate::sensor::{Kind, Sensor};
 use crate::servo::PulseUs;
 use crate::telemetry::{Reset, Telemetry};
 use crate::ticks::Timing;
@@ -114,11 +114,11 @@ pub trait Board: Sum {
     /// What the sensor's bus is doing.
     fn bus(&self) -> Bus;
 
-    /// Whether `transfer`, begun now, is over before the next tick.
-    fn has_time_for(&self, transfer: &Transfer) -> bool;
+    /// Whether `transfer` with this sensor, begun now, is over before the next tick.
+    fn has_time_for(&self, transfer: &Transfer, sensor: Kind) -> bool;
 
-    /// Start `transfer` on a bus that is free or broken, to the address that was armed last.
-    fn begin(&mut self, transfer: Transfer);
+    /// Start `transfer` to a 7-bit address, on a bus that is free or broken.
+    fn begin(&mut self, address: u8, transfer: Transfer);
 
     /// A control step begins.
     fn step_begins(&mut self);
@@ -287,6 +287,7 @@ impl<'a> Application<'a> {
     /// is due.
     fn take(&mut self, now: Micros, event: Event, board: &impl Board) -> Option<Reading> {
         let bytes = |outcome: Outcome| outcome.result.map(|()| board.answer());
+        self.sensor.hold_offsets(self.flight.state().is_armed());
         match event {
             Event::Burst(burst) => Some(self.sensor.sample(burst.started, bytes(burst))),
             Event::Missed => Some(Err(self.sensor.missed())),
@@ -313,8 +314,9 @@ impl<'a> Application<'a> {
         match self.sensor.next(now) {
             Next::Transfer(_) if bus == Bus::Stopping => true,
             Next::Transfer(transfer) => {
-                if !self.sensor.is_sampling() || board.has_time_for(&transfer) {
-                    board.begin(transfer);
+                let asked = self.sensor.asked();
+                if !self.sensor.is_sampling() || board.has_time_for(&transfer, asked) {
+                    board.begin(self.sensor.address(), transfer);
                 }
                 false
             }
@@ -325,9 +327,9 @@ impl<'a> Application<'a> {
 
     /// Change to the sensor that `SENSOR` says. A transfer under way ends without a use.
     fn choose_sensor(&mut self, board: &mut impl Board) {
-        let kind = self.flight.params().sensor_kind();
-        if self.sensor.kind() != kind && !self.flight.state().is_armed() {
-            *self.sensor = Sensor::new(kind);
+        let params = self.flight.params();
+        if !self.sensor.is_as(params) && !self.flight.state().is_armed() {
+            *self.sensor = Sensor::new(params);
             // Where a fault is to be acknowledged, it stays.
             let _ = self.flight.calibrate();
             board.arm(&self.sensor.bursts());

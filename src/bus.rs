@@ -174,6 +174,8 @@ impl Outline {
 
 #[derive(Clone, Copy, Debug)]
 struct Active {
+    /// Shifted as it goes on the wire.
+    address: u8,
     outline: Outline,
     origin: Origin,
     started: Micros,
@@ -186,7 +188,7 @@ struct Active {
 #[derive(Debug)]
 pub struct Master<W> {
     wire: W,
-    /// The slave's address, shifted as it goes on the wire.
+    /// The address of the armed reads, shifted as it goes on the wire.
     address: u8,
     /// The reads that the next tick may start: of everything, and of the rates alone.
     armed: [Option<Outline>; 2],
@@ -210,20 +212,20 @@ impl<W: Wire> Master<W> {
         }
     }
 
-    /// Have the next tick start one of these. All transfers go to their address.
+    /// Have the next tick start one of these.
     pub fn arm(&mut self, bursts: &Bursts) {
         self.address = bursts.address << 1;
         self.armed = [&bursts.whole, &bursts.rates].map(|burst| burst.as_ref().map(Outline::of));
     }
 
-    /// The slave's 7-bit address.
+    /// The 7-bit address of the armed reads.
     pub fn address(&self) -> u8 {
         self.address >> 1
     }
 
-    /// Start `transfer` for the main loop, unless there is one.
+    /// Start `transfer` to a 7-bit address for the main loop, unless there is one.
     #[must_use]
-    pub fn begin(&mut self, transfer: &Transfer, now: Micros) -> bool {
+    pub fn begin(&mut self, address: u8, transfer: &Transfer, now: Micros) -> bool {
         if self.active.is_some() {
             return false;
         }
@@ -233,7 +235,7 @@ impl<W: Wire> Master<W> {
                 *to = *from;
             }
         }
-        self.start(Outline::of(transfer), Origin::Loop, now)
+        self.start(address << 1, Outline::of(transfer), Origin::Loop, now)
     }
 
     /// Start the armed burst, from the tick's interrupt, unless the bus is busy. A transfer that
@@ -250,16 +252,16 @@ impl<W: Wire> Master<W> {
         {
             // The loop arms the next when it has seen this one.
             self.armed = [None; 2];
-            return self.start(burst, Origin::Tick { rates_only }, now);
+            return self.start(self.address, burst, Origin::Tick { rates_only }, now);
         }
         false
     }
 
     /// Start a transfer; what it writes is in the payload. One that cannot start is over at once.
-    fn start(&mut self, outline: Outline, origin: Origin, started: Micros) -> bool {
+    fn start(&mut self, address: u8, outline: Outline, origin: Origin, started: Micros) -> bool {
         let wire = &mut self.wire;
-        let begun = !self.broken
-            && wire.wait_idle().and_then(|()| wire.write_address(self.address)).is_ok();
+        let begun =
+            !self.broken && wire.wait_idle().and_then(|()| wire.write_address(address)).is_ok();
         let step = if begun {
             wire.listen(true);
             Step::Address
@@ -267,7 +269,7 @@ impl<W: Wire> Master<W> {
             self.broken = true;
             Step::Done(Err(BusError::Stuck))
         };
-        self.active = Some(Active { outline, origin, started, ended: started, step });
+        self.active = Some(Active { address, outline, origin, started, ended: started, step });
         !begun
     }
 
@@ -318,11 +320,12 @@ impl<W: Wire> Master<W> {
                 self.broken |= self.wire.command(Command::Stop).is_err();
                 Step::Done(Err(BusError::Nak))
             }
-            _ => proceed(active, &mut self.wire, self.address, signal, &mut self.payload)
-                .unwrap_or_else(|NotSynchronised| {
+            _ => proceed(active, &mut self.wire, signal, &mut self.payload).unwrap_or_else(
+                |NotSynchronised| {
                     self.broken = true;
                     Step::Done(Err(BusError::Protocol))
-                }),
+                },
+            ),
         };
         let is_over = matches!(active.step, Step::Done(_));
         if is_over {
@@ -408,7 +411,6 @@ impl<W: Wire> Master<W> {
 fn proceed(
     active: &Active,
     wire: &mut impl Wire,
-    address: u8,
     signal: Signal,
     payload: &mut Payload,
 ) -> Result<Step, NotSynchronised> {
@@ -433,7 +435,7 @@ fn proceed(
             Ok(Step::Register)
         }
         (Step::Register, Signal::Acknowledged) if outline.is_read => {
-            wire.write_address(address | READ)?;
+            wire.write_address(active.address | READ)?;
             Ok(Step::Reading(0))
         }
         (Step::Register, Signal::Acknowledged) => send(wire, bytes, outline.len(), 0),

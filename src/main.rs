@@ -29,7 +29,7 @@ mod firmware {
     use tvc_nano::navigation::Navigation;
     use tvc_nano::params::Params;
     use tvc_nano::recorder::Recorder;
-    use tvc_nano::sensor::{Kind, Sensor};
+    use tvc_nano::sensor::Sensor;
     use tvc_nano::telemetry::{Identity, Telemetry};
 
     use crate::board::Board;
@@ -49,7 +49,7 @@ mod firmware {
         let (board, params, report) = &mut board(BOARD);
         let telemetry = telemetry(TELEMETRY, params.mav_sysid() as u8);
         let flight = flight(FLIGHT, params, *report);
-        let sensor = sensor(SENSOR, params.sensor_kind());
+        let sensor = sensor(SENSOR, params);
         run(board, sensor, flight, telemetry, RECORDER)
     }
 
@@ -79,8 +79,8 @@ mod firmware {
     }
 
     #[inline(never)]
-    fn sensor(place: &mut MaybeUninit<Sensor>, kind: Kind) -> &mut Sensor {
-        place.write(Sensor::new(kind))
+    fn sensor<'a>(place: &'a mut MaybeUninit<Sensor>, params: &Params) -> &'a mut Sensor {
+        place.write(Sensor::new(params))
     }
 
     #[inline(never)]

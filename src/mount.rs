@@ -56,6 +56,11 @@ impl Matrix {
         sum
     }
 
+    fn transposed(&self) -> Self {
+        let [[a, b, c], [d, e, f], [g, h, i]] = self.0;
+        Self([[a, d, g], [b, e, h], [c, f, i]])
+    }
+
     fn times(&self, other: &Self) -> Self {
         Self(other.0.map(|column| whole(self.add(&column, HALF))))
     }
@@ -96,6 +101,25 @@ impl Correction {
     }
 }
 
+/// From the axes of one sensor to those of another on the same body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Relative(Matrix);
+
+impl Relative {
+    /// From a sensor that sits on the body by `from_deg` to one that sits by `to_deg`: roll, pitch
+    /// and yaw, deg.
+    #[must_use]
+    pub fn new(from_deg: [f32; 3], to_deg: [f32; 3]) -> Self {
+        Self(rotation(to_deg).transposed().times(&rotation(from_deg)))
+    }
+
+    /// A vector of the first sensor, along the axes of the second.
+    #[must_use]
+    pub fn turn(&self, vector: &[i16; 3]) -> [i16; 3] {
+        whole(self.0.add(vector, HALF))
+    }
+}
+
 /// How the sensor sits in the body, and its calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mount {
@@ -112,7 +136,7 @@ impl Mount {
     /// A sensor with these calibrations of the accelerometer, gyro and magnetometer, turned as the
     /// `MNT_` parameters say.
     fn calibrated(calibrations: &[Calibration; 3], params: &Params) -> Self {
-        let rotation = rotation(params);
+        let rotation = rotation(params.mount_deg());
         Self {
             corrections: calibrations
                 .each_ref()
@@ -155,13 +179,12 @@ fn nearest(value: f32) -> i16 {
 }
 
 /// `R = Rz(yaw) Ry(pitch) Rx(roll)`, sensor to body, as autopilots define a sensor's orientation.
-fn rotation(params: &Params) -> Matrix {
-    let [(sr, cr), (sp, cp), (sy, cy)] =
-        [params.mnt_roll_deg(), params.mnt_pitch_deg(), params.mnt_yaw_deg()].map(|angle_deg| {
-            let (sin, cos) = Angles::sin_cos_q30(Angles::from_rad(angle_deg * (PI / 180.0)));
-            let rounded = |value: i32| ((value + (1 << 15)) >> 16) as i16;
-            (rounded(sin), rounded(cos))
-        });
+fn rotation(angles_deg: [f32; 3]) -> Matrix {
+    let [(sr, cr), (sp, cp), (sy, cy)] = angles_deg.map(|angle_deg| {
+        let (sin, cos) = Angles::sin_cos_q30(Angles::from_rad(angle_deg * (PI / 180.0)));
+        let rounded = |value: i32| ((value + (1 << 15)) >> 16) as i16;
+        (rounded(sin), rounded(cos))
+    });
     let about_x = Matrix([[ONE, 0, 0], [0, cr, sr], [0, -sr, cr]]);
     let about_y = Matrix([[cp, 0, -sp], [0, ONE, 0], [sp, 0, cp]]);
     let about_z = Matrix([[cy, sy, 0], [-sy, cy, 0], [0, 0, ONE]]);

@@ -269,6 +269,16 @@ impl Params {
         Some((TABLE.get(index)?, *self.values.get(index)?))
     }
 
+    /// How the sensor sits on the body: roll, pitch and yaw, deg.
+    pub fn mount_deg(&self) -> [f32; 3] {
+        [self.mnt_roll_deg(), self.mnt_pitch_deg(), self.mnt_yaw_deg()]
+    }
+
+    /// The same of the sensor that stands by.
+    pub fn standby_mount_deg(&self) -> [f32; 3] {
+        [self.mnt2_roll_deg(), self.mnt2_pitch_deg(), self.mnt2_yaw_deg()]
+    }
+
     /// The sensor that flies.
     pub fn sensor_kind(&self) -> Kind {
         Kind::of(self.sensor())

@@ -154,6 +154,13 @@ impl Timing {
         self.i2c_khz < 400
     }
 
+    /// The same for a transfer with this sensor, which may not stretch the clock.
+    #[must_use]
+    pub fn with(&self, sensor: Kind) -> Self {
+        let stretch_us = if sensor.description().stretch_us == 0 { 0 } else { self.stretch_us };
+        Self { stretch_us, ..*self }
+    }
+
     /// The longest that a healthy chip takes for `transfer`, us.
     fn transfer_us(&self, transfer: &Transfer) -> u64 {
         let payload = match transfer {

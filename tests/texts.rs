@@ -78,7 +78,8 @@ fn after(fault: SensorFault) -> Option<SensorFault> {
         Late => Suspended,
         Suspended => Unreliable,
         Unreliable => RegisterMismatch,
-        RegisterMismatch => return None,
+        RegisterMismatch => Disagreement,
+        Disagreement => return None,
     })
 }
 

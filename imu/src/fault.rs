@@ -125,6 +125,8 @@ faults! {
         /// A register did not read as written once. The driver reads it again, because a wrong bit
         /// on the wire looks the same.
         RegisterMismatch = 22, "IMU register in doubt";
+        /// Two sensors on one body turn differently.
+        Disagreement = 24, "IMUs disagree";
     }
 }
 
@@ -133,7 +135,14 @@ impl SensorFault {
     /// at once.
     #[must_use]
     pub const fn ends_trust(&self) -> bool {
-        matches!(self, Self::Reset | Self::Configuration { .. } | Self::Frozen | Self::Unreliable)
+        matches!(
+            self,
+            Self::Reset
+                | Self::Configuration { .. }
+                | Self::Frozen
+                | Self::Unreliable
+                | Self::Disagreement
+        )
     }
 
     /// Whether the bus, not the chip's data, is to blame.
@@ -196,6 +205,7 @@ mod tests {
             SensorFault::Suspended,
             SensorFault::Unreliable,
             SensorFault::RegisterMismatch,
+            SensorFault::Disagreement,
         ]
         .to_vec();
         all.extend((1..=3).map(|sensor| SensorFault::DeadSensor { sensor, found: 0xFF }));

@@ -91,10 +91,10 @@ impl Board for Notes {
     fn bus(&self) -> Bus {
         self.bus
     }
-    fn has_time_for(&self, _transfer: &Transfer) -> bool {
+    fn has_time_for(&self, _transfer: &Transfer, _sensor: Kind) -> bool {
         self.time
     }
-    fn begin(&mut self, transfer: Transfer) {
+    fn begin(&mut self, _address: u8, transfer: Transfer) {
         self.asked.push(Asked::Begin(transfer));
     }
     fn step_begins(&mut self) {
@@ -156,7 +156,7 @@ impl Bench {
         let mut params = Params::default();
         params.set("SRV_HOLD_DEG", -10.0).unwrap();
         Self {
-            driver: Sensor::new(Kind::Bno055),
+            driver: Sensor::new(&Params::default()),
             flight: Flight::new(params, BootReport::default()).unwrap(),
             telemetry: Telemetry::default(),
             recorder: Recorder::new(),

@@ -15,6 +15,7 @@ use tvc_nano::failsafe::BootReport;
 use tvc_nano::guard::Sum;
 use tvc_nano::params::Params;
 use tvc_nano::sampling::Sampling;
+use tvc_nano::sensor::Kind;
 use tvc_nano::servo::first_pulses;
 use tvc_nano::sleep::Load;
 use tvc_nano::store::{self, BoardId};
@@ -179,14 +180,20 @@ impl application::Board for Board {
         self.bus.state()
     }
 
-    fn has_time_for(&self, transfer: &Transfer) -> bool {
+    fn has_time_for(&self, transfer: &Transfer, sensor: Kind) -> bool {
         let (timing, period_us) = (self.frame.timing(), self.frame.tick_period_us());
         let stop_us = self.bus.stop_us();
-        self.sampling.leaves_time_for(time::now(), transfer, stop_us, timing, period_us)
+        self.sampling.leaves_time_for(
+            time::now(),
+            transfer,
+            stop_us,
+            &timing.with(sensor),
+            period_us,
+        )
     }
 
-    fn begin(&mut self, transfer: Transfer) {
-        self.bus.begin(&transfer);
+    fn begin(&mut self, address: u8, transfer: Transfer) {
+        self.bus.begin(address, &transfer);
     }
 
     /// The probe pin is high during a step, for whoever measures it.

@@ -106,7 +106,7 @@ const ACK: Signal = Signal::Acknowledged;
 #[test]
 fn a_read_takes_its_bytes_and_refuses_the_last_one() {
     let mut master = master();
-    assert!(!master.begin(&read(3), Micros(1_000)));
+    assert!(!master.begin(ADDRESS, &read(3), Micros(1_000)));
     assert_eq!(master.state(), Bus::Busy);
     let bytes = [5, 6, 7].map(Signal::Byte);
     let signals = [&[ACK, ACK], &bytes[..]].concat();
@@ -136,7 +136,7 @@ fn a_read_takes_its_bytes_and_refuses_the_last_one() {
 #[test]
 fn a_write_sends_its_bytes_and_leaves_no_answer() {
     let mut master = master();
-    assert!(!master.begin(&write([0x0C, 1]), Micros(1_000)));
+    assert!(!master.begin(ADDRESS, &write([0x0C, 1]), Micros(1_000)));
     assert!(interrupt(&mut master, &[ACK; 4]));
     let data = [0x3D, 0x0C, 1].map(Told::Data);
     assert_eq!(master.wire.told[2..5], data);
@@ -158,7 +158,7 @@ fn what_fails_at_any_byte_ends_the_transfer() {
             (Signal::Lost, BusError::Arbitration, true),
         ] {
             let mut master = master();
-            assert!(!master.begin(&read(3), Micros(1_000)));
+            assert!(!master.begin(ADDRESS, &read(3), Micros(1_000)));
             let signals = [&good[..at], &[signal]].concat();
             assert!(interrupt(&mut master, &signals), "{signal:?} at {at}");
             let over = master.collect(&mut Answer::NONE.clone()).unwrap();
@@ -174,7 +174,7 @@ fn a_wire_that_does_not_synchronise_breaks_the_bus() {
     for good in 0..6 {
         let mut master = master();
         master.wire.good = good;
-        let mut is_over = master.begin(&read(3), Micros(1_000));
+        let mut is_over = master.begin(ADDRESS, &read(3), Micros(1_000));
         assert_eq!(is_over, good == 0);
         for signal in [ACK, ACK, Signal::Byte(1), Signal::Byte(2), Signal::Byte(3)] {
             if !is_over {
@@ -191,7 +191,7 @@ fn a_wire_that_does_not_synchronise_breaks_the_bus() {
 #[test]
 fn a_transfer_has_a_deadline() {
     let mut master = master();
-    assert!(!master.begin(&read(3), Micros(1_000)));
+    assert!(!master.begin(ADDRESS, &read(3), Micros(1_000)));
     let end = Micros(1_000 + TRANSFER_DEADLINE_US);
     assert!(!master.is_late(Micros(end.0 - 1)) && master.is_well(Micros(end.0 - 1)));
     assert!(master.is_late(end) && !master.is_well(end));
@@ -225,14 +225,14 @@ fn a_burst_overtakes_what_went_well_and_waits_for_what_did_not() {
     let mut answer = Answer::NONE;
     // Over and not collected.
     let mut over = master();
-    assert!(!over.begin(&write([]), Micros(1_000)));
+    assert!(!over.begin(ADDRESS, &write([]), Micros(1_000)));
     assert!(interrupt(&mut over, &[ACK; 2]));
     assert!(!over.start_burst(Micros(2_000), false));
     assert_eq!(over.collect(&mut answer), None, "the burst is under way");
     // Failed, or under way: the burst is not begun.
     for signal in [Signal::Refused, ACK] {
         let mut busy = master();
-        assert!(!busy.begin(&read(3), Micros(1_000)));
+        assert!(!busy.begin(ADDRESS, &read(3), Micros(1_000)));
         let is_over = interrupt(&mut busy, &[signal]);
         let told = busy.wire.told.len();
         assert!(!busy.start_burst(Micros(2_000), false));

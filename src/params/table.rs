@@ -234,8 +234,9 @@ parameters! {
     srv_rate_hz: "SRV_RATE_HZ", "Hz", OneOf(&[50.0, 100.0, 200.0, 300.0, 333.0]), 50.0, Disarmed;
     /// speed of the sensor bus; 100 for a cable of more than 1 m
     i2c_khz: "I2C_KHZ", "kHz", OneOf(&[100.0, 400.0]), 400.0, Disarmed;
-    /// sensor that flies: 0 a BNO055, 1 the LSM6DS3 of the Nano 33 IoT; calibrate it after a change
-    sensor: "SENSOR", "", OneOf(&[0.0, 1.0]), 0.0, Disarmed;
+    /// sensor that flies: 0 a BNO055; 1 the LSM6DS3 of the Nano 33 IoT; 2 the BNO055, with the LSM6DS3
+    /// standing by. Calibrate after a change
+    sensor: "SENSOR", "", OneOf(&[0.0, 1.0, 2.0]), 0.0, Disarmed;
     /// FINE of the clock as USB disciplined it, for starts without; set by the vehicle, -1 unknown
     clk_fine: "CLK_FINE", "", Between(-1.0, 1023.0), -1.0, Measured;
     /// how long the sensor stretches a byte; measured and set by the vehicle itself while disarmed
@@ -246,6 +247,12 @@ parameters! {
     mnt_pitch_deg: "MNT_PITCH_DEG", "deg", Between(-180.0, 180.0), 0.0, Turning;
     /// sensor's yaw in the body, applied last
     mnt_yaw_deg: "MNT_YAW_DEG", "deg", Between(-180.0, 180.0), 0.0, Turning;
+    /// roll in the body of the sensor that stands by, applied first
+    mnt2_roll_deg: "MNT2_ROLL_DEG", "deg", Between(-180.0, 180.0), 0.0, Disarmed;
+    /// its pitch, applied second
+    mnt2_pitch_deg: "MNT2_PITCH_DEG", "deg", Between(-180.0, 180.0), 0.0, Disarmed;
+    /// its yaw, applied last
+    mnt2_yaw_deg: "MNT2_YAW_DEG", "deg", Between(-180.0, 180.0), 0.0, Disarmed;
     /// magnetic declination, east positive: 4.37 in Copenhagen
     declination_deg: "DECLINATION_DEG", "deg", Between(-180.0, 180.0), 0.0, Disarmed;
     /// attitude filter, which starts over when it is changed: 0 VQF class; 1 Mahony; 2 Madgwick; 3

@@ -111,7 +111,7 @@ impl Bus {
         }
     }
 
-    /// Have the next tick start one of these. All transfers go to their address.
+    /// Have the next tick start one of these.
     pub(crate) fn arm(&mut self, bursts: &Bursts) {
         self.sampling = bursts.whole.is_some();
         with_master(|master| master.arm(bursts));
@@ -122,10 +122,10 @@ impl Bus {
         self.sampling
     }
 
-    /// Start `transfer` now. The bus must be free.
-    pub(crate) fn begin(&mut self, transfer: &Transfer) {
+    /// Start `transfer` to a 7-bit address now. The bus must be free.
+    pub(crate) fn begin(&mut self, address: u8, transfer: &Transfer) {
         let started = now();
-        wake_if(with_master(|master| master.begin(transfer, started)));
+        wake_if(with_master(|master| master.begin(address, transfer, started)));
     }
 
     /// Times that the bus had to be repaired since start-up, without success too.

@@ -63,8 +63,7 @@ impl I2c for Bus {
 impl Bus {
     /// Carries out a transfer, and waits for its STOP.
     fn transfer(&mut self, address: u8, transfer: Transfer) -> Result<(), ErrorKind> {
-        self.arm(&Bursts { address, whole: None, rates: None });
-        self.begin(&transfer);
+        self.begin(address, &transfer);
         // A transfer that is late is given up in here.
         let over = loop {
             if let Some(over) = self.poll(time::now(), None) {

@@ -5,7 +5,9 @@
 
 mod bno055;
 mod lsm6ds3;
+mod pair;
 
+use crate::params::Params;
 use tvc_imu::{
     Bursts, Description, Imu, Micros, Next, RawSample, Refresh, Sample, Scale, SensorFault,
     Transferred,
@@ -20,11 +22,14 @@ pub enum Kind {
     Bno055 = 0,
     /// The LSM6DS3 of the Nano 33 IoT.
     Lsm6ds3 = 1,
+    /// The BNO055, with the LSM6DS3 standing by.
+    Both = 2,
 }
 
 impl Kind {
     /// All, in the order of the parameter's values from 0 on, with the names that commands use.
-    pub const ALL: [(Self, &str); 2] = [(Self::Bno055, "bno055"), (Self::Lsm6ds3, "lsm6ds3")];
+    pub const ALL: [(Self, &str); 3] =
+        [(Self::Bno055, "bno055"), (Self::Lsm6ds3, "lsm6ds3"), (Self::Both, "both")];
 
     /// The value of `SENSOR`.
     #[must_use]
@@ -35,14 +40,15 @@ impl Kind {
     /// The kind with this value of `SENSOR`.
     #[must_use]
     pub fn of(value: f32) -> Self {
-        if value == Self::Lsm6ds3.value() { Self::Lsm6ds3 } else { Self::Bno055 }
+        let mut kinds = Self::ALL.iter().map(|(kind, _)| *kind);
+        kinds.find(|kind| kind.value() == value).unwrap_or_default()
     }
 
     /// A sample of its chip's counts in the units of [`SCALE`].
     #[must_use]
     pub fn in_common_units(self, raw: RawSample) -> RawSample {
         match self {
-            Self::Bno055 => raw,
+            Self::Bno055 | Self::Both => raw,
             Self::Lsm6ds3 => lsm6ds3::convert(raw),
         }
     }
@@ -51,7 +57,7 @@ impl Kind {
     #[must_use]
     pub const fn description(self) -> &'static Description {
         match self {
-            Self::Bno055 => &bno055::DESCRIPTION,
+            Self::Bno055 | Self::Both => &bno055::DESCRIPTION,
             Self::Lsm6ds3 => &lsm6ds3::DESCRIPTION,
         }
     }
@@ -64,81 +70,118 @@ pub enum Sensor {
     Bno055(bno055::Driver),
     /// See [`Kind::Lsm6ds3`].
     Lsm6ds3(lsm6ds3::Driver),
+    /// See [`Kind::Both`].
+    Both(pair::Pair),
 }
 
 impl Sensor {
-    /// A driver that will set its sensor up.
+    /// A driver that will set its sensor up, as the parameters choose it.
     #[must_use]
-    pub fn new(kind: Kind) -> Self {
-        match kind {
+    pub fn new(params: &Params) -> Self {
+        match params.sensor_kind() {
             Kind::Bno055 => Self::Bno055(bno055::new()),
             Kind::Lsm6ds3 => Self::Lsm6ds3(lsm6ds3::new()),
+            Kind::Both => Self::Both(pair::Pair::new(mounts_deg(params))),
         }
     }
 
-    /// Which sensor it is.
+    /// Whether the parameters choose this sensor.
     #[must_use]
-    pub fn kind(&self) -> Kind {
+    pub fn is_as(&self, params: &Params) -> bool {
+        let kind = params.sensor_kind();
         match self {
-            Self::Bno055(_) => Kind::Bno055,
+            Self::Bno055(_) => kind == Kind::Bno055,
+            Self::Lsm6ds3(_) => kind == Kind::Lsm6ds3,
+            Self::Both(pair) => kind == Kind::Both && pair.mounts_deg() == mounts_deg(params),
+        }
+    }
+
+    /// The sensor whose transfer [`Imu::next`] gave last.
+    #[must_use]
+    pub fn asked(&self) -> Kind {
+        match self {
             Self::Lsm6ds3(_) => Kind::Lsm6ds3,
+            Self::Both(pair) if pair.asks_onboard() => Kind::Lsm6ds3,
+            Self::Bno055(_) | Self::Both(_) => Kind::Bno055,
+        }
+    }
+
+    /// The 7-bit address of the transfer that [`Imu::next`] gave last.
+    #[must_use]
+    pub fn address(&self) -> u8 {
+        match self {
+            Self::Both(pair) => pair.address(),
+            single => single.bursts().address,
+        }
+    }
+
+    /// While the vehicle is armed, what two sensors differ by stays.
+    pub fn hold_offsets(&mut self, holds: bool) {
+        if let Self::Both(pair) = self {
+            pair.hold_offsets(holds);
         }
     }
 }
 
-/// The same call of either driver.
-macro_rules! either {
+/// How both sensors sit: roll, pitch and yaw of each, deg.
+fn mounts_deg(params: &Params) -> [[f32; 3]; 2] {
+    [params.mount_deg(), params.standby_mount_deg()]
+}
+
+/// The same call of any driver.
+macro_rules! of_any {
     ($sensor:expr, $driver:ident => $call:expr) => {
         match $sensor {
             Sensor::Bno055($driver) => $call,
             Sensor::Lsm6ds3($driver) => $call,
+            Sensor::Both($driver) => $call,
         }
     };
 }
 
 impl Imu for Sensor {
     fn next(&mut self, now: Micros) -> Next {
-        either!(self, driver => driver.next(now))
+        of_any!(self, driver => driver.next(now))
     }
 
     fn complete(&mut self, now: Micros, outcome: Transferred<'_>) {
-        either!(self, driver => driver.complete(now, outcome));
+        of_any!(self, driver => driver.complete(now, outcome));
     }
 
     fn is_sampling(&self) -> bool {
-        either!(self, driver => driver.is_sampling())
+        of_any!(self, driver => driver.is_sampling())
     }
 
     fn bursts(&self) -> Bursts {
-        either!(self, driver => driver.bursts())
+        of_any!(self, driver => driver.bursts())
     }
 
     fn sample(&mut self, time: Micros, outcome: Transferred<'_>) -> Result<Sample, SensorFault> {
-        either!(self, driver => driver.sample(time, outcome))
+        of_any!(self, driver => driver.sample(time, outcome))
     }
 
     fn overdue(&mut self, time: Micros, outcome: Transferred<'_>) {
-        either!(self, driver => driver.overdue(time, outcome));
+        of_any!(self, driver => driver.overdue(time, outcome));
     }
 
     fn missed(&mut self) -> SensorFault {
-        either!(self, driver => driver.missed())
+        of_any!(self, driver => driver.missed())
     }
 
     fn fault(&self) -> Option<SensorFault> {
-        either!(self, driver => driver.fault())
+        of_any!(self, driver => driver.fault())
     }
 
     fn failed_setups(&self) -> u32 {
-        either!(self, driver => driver.failed_setups())
+        of_any!(self, driver => driver.failed_setups())
     }
 
     fn fresh(&self) -> u32 {
-        either!(self, driver => driver.fresh())
+        of_any!(self, driver => driver.fresh())
     }
 
     fn refresh(&self) -> &Refresh {
-        either!(self, driver => driver.refresh())
+        of_any!(self, driver => driver.refresh())
     }
 }
 

@@ -324,3 +324,30 @@ fn the_stack_keeps_away_from_the_statics() {
     let free = rig.image().stack_top() - used - (0x2000_0000 + statics);
     assert!(used > 256 && used <= free, "{used} bytes used, {free} free");
 }
+
+/// One of two sensors fails in control: the other takes over.
+#[test]
+fn the_sensor_that_stands_by_takes_over() {
+    let mut setup = Setup::with_polarity(ServoKind::S3003, 1);
+    let stored = setup.rig.stored.get_or_insert_default();
+    stored.set("SENSOR", Kind::Both.value()).unwrap();
+    for fault in [Fault::Unplugged, Fault::Frozen] {
+        let mut ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
+        let Ready { rig, station, .. } = &mut ready;
+        rig.environment.tilt_clamp_to([0.4, 0.0]);
+        station.run(rig, ms(8000)).unwrap();
+        station.arm(rig).unwrap();
+        station.release(rig, 0.0).unwrap();
+        station.run(rig, ms(1000)).unwrap();
+        rig.inject(fault);
+        station.run(rig, ms(2000)).unwrap();
+        assert_eq!(
+            station.state(),
+            Some(StateKind::Active),
+            "{fault:?}: {:?}",
+            station.last_text()
+        );
+        let tilt_rad = rig.truth().motion.last().unwrap().tilt_rad[0];
+        assert!(tilt_rad.abs() < 0.01, "{fault:?}: {tilt_rad}");
+    }
+}

@@ -12,7 +12,7 @@ use tvc_nano::sensor::Kind;
 /// The choice of a sensor.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub struct SensorOption {
-    /// Sensor: bno055, or lsm6ds3 on the Nano's board alone [default: bno055].
+    /// Sensor: bno055, lsm6ds3 on the Nano's board alone, or both [default: bno055].
     #[arg(long, value_name = "NAME", value_parser = kind)]
     pub sensor: Option<Kind>,
 }
@@ -26,7 +26,7 @@ impl SensorOption {
         let Some(sensor) = self.sensor else { return Ok(()) };
         let stored = rig.stored.get_or_insert_default();
         store(stored, &[("SENSOR".to_owned(), sensor.value())])?;
-        if sensor != Kind::Bno055 {
+        if sensor == Kind::Lsm6ds3 {
             rig.bench.faults.push(TimedFault {
                 fault: Fault::Unplugged,
                 since: Since::PowerOn,

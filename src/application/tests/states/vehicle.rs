@@ -124,7 +124,7 @@ impl Vehicle {
         let mut world = World::new(flash);
         let (params, stored) = store::load(&mut world.flash, crate::store::BoardId::default());
         let mut vehicle = Self {
-            driver: Sensor::new(Kind::Bno055),
+            driver: Sensor::new(&Params::default()),
             flight: Flight::new(params, BootReport { crash, stored }).unwrap(),
             telemetry: Telemetry::default(),
             recorder: Box::new(Recorder::new()),

@@ -4,6 +4,7 @@ use std::vec::Vec;
 
 use super::*;
 use crate::flight::tests::reading;
+use crate::sensor::Kind;
 use crate::store::tests::Mock;
 
 /// From the host's request to the reset, as `src/samd21/usb.rs` has it.
@@ -172,10 +173,10 @@ impl Board for World {
             None => Bus::Free,
         }
     }
-    fn has_time_for(&self, _transfer: &Transfer) -> bool {
+    fn has_time_for(&self, _transfer: &Transfer, _sensor: Kind) -> bool {
         true
     }
-    fn begin(&mut self, transfer: Transfer) {
+    fn begin(&mut self, _address: u8, transfer: Transfer) {
         self.transfer = Some(transfer);
     }
     fn step_begins(&mut self) {}
