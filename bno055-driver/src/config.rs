@@ -25,6 +25,9 @@ const RATE_JUMP: u16 = 4_000;
 /// Largest jump that is not held after a failed transfer: 16 deg/s.
 const DISTURBED_JUMP: u16 = 256;
 
+/// Accelerations that jump by more show a blow: 5 m/s^2 or 0.5 g.
+const BLOW: u16 = 500;
+
 /// Words of 0 or -1 are plausible this near to the last good ones. For accelerometer, magnetometer
 /// and gyroscope: 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (about the same counts in all units).
 const NEAR: [u16; 3] = [200, 80, 64];
@@ -151,6 +154,7 @@ impl Config {
             near: NEAR,
             jump: RATE_JUMP,
             disturbed_jump: DISTURBED_JUMP,
+            blow: BLOW,
             still_us: if is_quiet { QUIET_STILL_US } else { STILL_US },
             has_acc_and_gyr: mode.has_acc() && mode.has_gyr(),
             // A sleeping sensor has no noise.

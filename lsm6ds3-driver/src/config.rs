@@ -258,6 +258,7 @@ impl Config {
             near: [(200.0 / self.acc_range.mg()) as u16, 0, rate(4.0)],
             jump: rate(250.0),
             disturbed_jump: rate(16.0),
+            blow: (500.0 / self.acc_range.mg()) as u16,
             still_us: STILL_US,
             has_acc_and_gyr: true,
             has_noisy_gyr: true,

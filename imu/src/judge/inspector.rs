@@ -21,7 +21,8 @@
 //!
 //! A wrong bit in the midst of a word looks like a motion. Bursts with features that are rare in a
 //! sound burst are [suspect](Evidence::Suspect). After several suspect or refused bursts in a short
-//! time, the driver sets the chip up anew. A vibration crosses -1 often. The next burst tells such
+//! time, the driver sets the chip up anew. Rates that jump to and fro on a board that was struck are
+//! not suspect: it rattles. A vibration crosses -1 often. The next burst tells such
 //! a crossing, which clears the suspicion, from a word that comes back. A field has no range and no
 //! limit to its jumps: a magnet that passes moves it as far and as fast as a wrong bit.
 
@@ -30,6 +31,10 @@ use crate::{Micros, RawSample, SensorFault};
 
 /// Greatest age of a good burst for comparisons: after a longer gap, any change is possible.
 pub const STEP_AGE_US: u64 = 65_000;
+
+/// For this time after a jump of the accelerations, rates that jump to and fro are those of a board
+/// that was struck and rattles, us.
+const STRUCK_US: u64 = 100_000;
 
 /// Place of the magnetometer among the sensors of a burst.
 const MAG: usize = 1;
@@ -41,6 +46,10 @@ const MAG: usize = 1;
 pub struct Words(pub [[i16; 3]; 3]);
 
 impl Words {
+    const fn acc(&self) -> [i16; 3] {
+        self.0[0]
+    }
+
     const fn gyr(&self) -> [i16; 3] {
         self.0[2]
     }
@@ -61,6 +70,8 @@ pub struct Rules {
     pub jump: u16,
     /// Largest jump that is not held after a failed transfer, counts.
     pub disturbed_jump: u16,
+    /// Accelerations that jump by more show a blow, counts.
+    pub blow: u16,
     /// Shortest standstill of a dead sensor's words, us.
     pub still_us: u32,
     /// Accelerometer and gyroscope run.
@@ -83,6 +94,8 @@ pub struct Inspector {
     still: Still,
     /// Rates of the last burst, if they were held back.
     held: Option<[i16; 3]>,
+    /// The newest burst whose accelerations had jumped.
+    struck_at: Option<Micros>,
     ones: Ones,
 }
 
@@ -152,7 +165,11 @@ impl Inspector {
         let jump = if behind_failure { rules.disturbed_jump } else { rules.jump };
         let is_confirmed =
             held.is_some_and(|(held, before)| goes_on(&before.gyr(), &held, &now.gyr(), jump));
-        let mut is_suspect = held.is_some() && !is_confirmed && !behind_failure;
+        if good.is_some_and(|good| moved(&good.acc(), &now.acc(), rules.blow)) {
+            self.struck_at = Some(time);
+        }
+        let is_struck = self.struck_at.is_some_and(|at| time.since(at) <= STRUCK_US);
+        let mut is_suspect = held.is_some() && !is_confirmed && !behind_failure && !is_struck;
         let mut cleared = false;
         if let Some(good) = good {
             let [acc, mag, gyr] = self.ones.look(rules, &good, now, &mut cleared);
