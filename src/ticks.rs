@@ -47,7 +47,7 @@ const HALF_STEP_US: u32 = 680;
 /// Clock stretching of a byte that is allowed for beyond the mean, us, when a short transfer is put
 /// between two bursts. Should the sensor take longer for once, the next tick goes without its
 /// burst.
-const STRETCH_RESERVE_US: u32 = 20;
+const STRETCH_RESERVE_US: u32 = 40;
 
 /// Bytes of a transfer beside its data: two addresses and the register's number.
 const FRAMING_BYTES: u32 = 3;

@@ -131,14 +131,14 @@ fn a_short_transfer_goes_between_two_bursts_if_it_is_over_before_the_next() {
     let mut tick = NewestTick::new(Micros(0));
     assert!(!tick.came(Micros(10_000), false, &timing(50, 400)));
     let read = Transfer::Read { register: 0, len: 1 };
-    // Four bytes of 223 us each and 200 us of reserve, 6,666 us after the tick.
+    // Four bytes of 243 us each and 200 us of reserve, 6,666 us after the tick.
     let fits = |now| tick.leaves_time_for(Micros(now), &read, &timing(50, 400), 200, 6_666);
-    assert!(fits(15_573) && !fits(15_574));
-    assert!(!tick.leaves_time_for(Micros(15_573), &read, &timing(50, 100), 200, 6_666));
+    assert!(fits(15_493) && !fits(15_494));
+    assert!(!tick.leaves_time_for(Micros(15_493), &read, &timing(50, 100), 200, 6_666));
     // Behind a burst of the rates alone the next tick comes 2,436 us earlier.
     assert!(tick.came(Micros(10_000), true, &timing(50, 400)));
     let fits = |now| tick.leaves_time_for(Micros(now), &read, &timing(50, 400), 200, 6_666);
-    assert!(fits(13_137) && !fits(13_138));
+    assert!(fits(13_057) && !fits(13_058));
 }
 
 /// A damaged log can have any time between two steps.
