@@ -28,6 +28,9 @@ const DISTURBED_JUMP: u16 = 256;
 /// Accelerations that jump by more show a blow: 5 m/s^2 or 0.5 g.
 const BLOW: u16 = 500;
 
+/// A board that rattles turns slower than this: 330 deg/s.
+const RATTLE: u16 = 5_300;
+
 /// Words of 0 or -1 are plausible this near to the last good ones. For accelerometer, magnetometer
 /// and gyroscope: 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (about the same counts in all units).
 const NEAR: [u16; 3] = [200, 80, 64];
@@ -155,6 +158,7 @@ impl Config {
             jump: RATE_JUMP,
             disturbed_jump: DISTURBED_JUMP,
             blow: BLOW,
+            rattle: RATTLE,
             still_us: if is_quiet { QUIET_STILL_US } else { STILL_US },
             has_acc_and_gyr: mode.has_acc() && mode.has_gyr(),
             // A sleeping sensor has no noise.

@@ -259,6 +259,7 @@ impl Config {
             jump: rate(250.0),
             disturbed_jump: rate(16.0),
             blow: (500.0 / self.acc_range.mg()) as u16,
+            rattle: rate(330.0),
             still_us: STILL_US,
             has_acc_and_gyr: true,
             has_noisy_gyr: true,

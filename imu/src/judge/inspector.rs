@@ -72,6 +72,8 @@ pub struct Rules {
     pub disturbed_jump: u16,
     /// Accelerations that jump by more show a blow, counts.
     pub blow: u16,
+    /// A board that rattles turns slower than this, counts.
+    pub rattle: u16,
     /// Shortest standstill of a dead sensor's words, us.
     pub still_us: u32,
     /// Accelerometer and gyroscope run.
@@ -117,6 +119,8 @@ pub enum Evidence {
     Sound,
     /// Rates alone, a third of a burst.
     Little,
+    /// Rates that jump to and fro on a board that was struck.
+    Rattle,
     /// It has a feature that is rare in a sound burst.
     Suspect,
 }
@@ -169,7 +173,12 @@ impl Inspector {
             self.struck_at = Some(time);
         }
         let is_struck = self.struck_at.is_some_and(|at| time.since(at) <= STRUCK_US);
-        let mut is_suspect = held.is_some() && !is_confirmed && !behind_failure && !is_struck;
+        let is_rattle = is_struck
+            && held.is_some_and(|(held, _)| {
+                held.iter().all(|rate| rate.unsigned_abs() < rules.rattle)
+            });
+        let jumps_back = held.is_some() && !is_confirmed && !behind_failure;
+        let mut is_suspect = jumps_back && !is_rattle;
         let mut cleared = false;
         if let Some(good) = good {
             let [acc, mag, gyr] = self.ones.look(rules, &good, now, &mut cleared);
@@ -182,6 +191,7 @@ impl Inspector {
         self.good = Some((time, accepted));
         let evidence = match (is_suspect, is_whole) {
             (true, _) => Evidence::Suspect,
+            (false, _) if jumps_back => Evidence::Rattle,
             (false, true) => Evidence::Sound,
             (false, false) => Evidence::Little,
         };

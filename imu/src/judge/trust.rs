@@ -14,6 +14,8 @@ const BAD_SAMPLES_MAX: u8 = 3;
 const WRONG_WEIGHT: u8 = 4;
 /// What a suspect burst adds.
 const SUSPECT_WEIGHT: u8 = 3;
+/// What a burst of a board that rattles adds.
+const RATTLE_WEIGHT: u8 = 2;
 /// What ones in a part of a burst add: a glitch of the cable makes three such bursts.
 const ONES_WEIGHT: u8 = 2;
 /// At this level of the bucket the sensor is set up anew: the good samples are not to be believed
@@ -236,6 +238,7 @@ impl Trust {
                 self.unreliable = self.unreliable.saturating_sub(1);
             }
             Evidence::Sound | Evidence::Little => {}
+            Evidence::Rattle => return !self.distrust(RATTLE_WEIGHT),
             Evidence::Suspect => {
                 self.doubt();
                 return !self.distrust(SUSPECT_WEIGHT);
