@@ -327,7 +327,7 @@ impl Imu for Driver {
     fn complete(&mut self, now: Micros, outcome: Transferred<'_>) {
         match &mut self.phase {
             Phase::Startup(startup) => {
-                let progress = startup.complete(now, outcome, &self.config);
+                let progress = startup.complete(now, outcome, &self.config, &self.rules);
                 if let Err(error) = outcome {
                     self.health.count(error.into());
                 }

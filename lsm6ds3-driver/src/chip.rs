@@ -42,6 +42,7 @@ impl Chip {
     }
 
     /// Smallest change of the acceleration that the self-test of a sound chip makes, mg.
+    #[cfg(feature = "self-test")]
     pub(crate) const fn self_test_least_mg(self) -> u16 {
         match self {
             Self::Lsm6ds3 | Self::Lsm6dsl => 90,

@@ -85,6 +85,7 @@ impl Driver {
 
     /// Begins the self-test, which takes 1.3 s; the chip must be at rest. Then it samples again,
     /// and [`self_test`](Self::self_test) has the result.
+    #[cfg(feature = "self-test")]
     pub fn begin_self_test(&mut self) {
         self.self_test = None;
         self.phase = Phase::Startup(Startup::testing());
@@ -92,6 +93,7 @@ impl Driver {
     }
 
     /// The result of the last self-test.
+    #[cfg(feature = "self-test")]
     #[must_use]
     pub fn self_test(&self) -> Option<SelfTest> {
         self.self_test
@@ -239,7 +241,7 @@ impl Imu for Driver {
     fn complete(&mut self, now: Micros, outcome: Transferred<'_>) {
         match &mut self.phase {
             Phase::Startup(startup) => {
-                let progress = startup.complete(now, outcome, &self.config);
+                let progress = startup.complete(now, outcome, &self.config, &self.rules);
                 if let Err(error) = outcome {
                     self.health.count(error.into());
                 }

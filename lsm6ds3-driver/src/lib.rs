@@ -11,12 +11,15 @@ pub mod config;
 mod driver;
 pub mod registers;
 mod sample;
+#[cfg_attr(not(feature = "self-test"), path = "no_self_test.rs")]
+#[cfg_attr(not(feature = "self-test"), allow(dead_code))]
 mod self_test;
 mod startup;
 
 pub use chip::Chip;
 pub use config::Config;
 pub use driver::Driver;
+#[cfg(feature = "self-test")]
 pub use self_test::SelfTest;
 pub use startup::BOOT_DEADLINE_US;
 #[cfg(feature = "async")]

@@ -9,9 +9,7 @@ use crate::registers as reg;
 /// Bursts of each mean.
 pub(crate) const BURSTS: u8 = 5;
 /// Until the outputs have settled, without and with the stimulus, us.
-pub(crate) const SETTLE_US: u64 = 800_000;
-/// See [`SETTLE_US`].
-pub(crate) const STIMULUS_US: u64 = 200_000;
+const SETTLE_US: [u64; 2] = [800_000, 200_000];
 /// Between two bursts, us: longer than a refresh of either sensor.
 pub(crate) const BURST_US: u64 = 25_000;
 
@@ -43,6 +41,48 @@ impl SelfTest {
     }
 }
 
+/// The two halves of the test.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Half {
+    /// Without the stimulus.
+    Without,
+    /// With it.
+    With,
+}
+
+impl Half {
+    /// The half that comes first.
+    pub(crate) const FIRST: Self = Self::Without;
+
+    /// The half behind this one, or the result behind the last.
+    pub(crate) fn next(self, sums: &Sums, chip: Chip) -> Result<Self, SelfTest> {
+        match self {
+            Self::Without => Ok(Self::With),
+            Self::With => Err(sums.result(chip)),
+        }
+    }
+
+    /// How long to wait for the first burst, us.
+    pub(crate) const fn settle_us(self) -> u64 {
+        let [without, with] = SETTLE_US;
+        match self {
+            Self::Without => without,
+            Self::With => with,
+        }
+    }
+
+    /// The control registers: +-4 g at 52 Hz, +-2000 deg/s at 208 Hz, and the positive stimulus of
+    /// both sensors in CTRL5_C.
+    pub(crate) const fn controls(self, chip: Chip) -> [u8; reg::CONTROLS] {
+        let stimulus = match self {
+            Self::Without => 0,
+            Self::With => 0x05,
+        };
+        let [ninth, tenth] = chip.last_controls();
+        [0x38, 0x5C, reg::BDU | reg::IF_INC, 0, stimulus, 0, 0, 0, ninth, tenth]
+    }
+}
+
 /// Sums of the words, without and with the stimulus.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Sums {
@@ -52,9 +92,12 @@ pub(crate) struct Sums {
 
 impl Sums {
     /// Adds a burst.
-    pub(crate) fn add(&mut self, stimulated: bool, Words([acc, _, gyr]): &Words) {
-        let [acc_sums, gyr_sums] = [&mut self.acc, &mut self.gyr]
-            .map(|[without, with]| if stimulated { with } else { without });
+    pub(crate) fn add(&mut self, half: Half, Words([acc, _, gyr]): &Words) {
+        let [acc_sums, gyr_sums] =
+            [&mut self.acc, &mut self.gyr].map(|[without, with]| match half {
+                Half::Without => without,
+                Half::With => with,
+            });
         for (sums, words) in [(acc_sums, acc), (gyr_sums, gyr)] {
             for (sum, word) in sums.iter_mut().zip(words) {
                 *sum += i32::from(*word);
@@ -62,8 +105,7 @@ impl Sums {
         }
     }
 
-    /// The result.
-    pub(crate) fn result(&self, chip: Chip) -> SelfTest {
+    fn result(&self, chip: Chip) -> SelfTest {
         let change = |[without, with]: &[[i32; 3]; 2], unit: f32| {
             let mut changes = [0; 3];
             for (change, (without, with)) in changes.iter_mut().zip(without.iter().zip(with)) {
@@ -83,12 +125,4 @@ impl Sums {
             gyr: within(&gyr_dps, LEAST_DPS, MOST_DPS),
         }
     }
-}
-
-/// The control registers of the test: +-4 g at 52 Hz, +-2000 deg/s at 208 Hz, and the positive
-/// stimulus of both sensors in CTRL5_C.
-pub(crate) fn controls(chip: Chip, stimulated: bool) -> [u8; reg::CONTROLS] {
-    let stimulus = if stimulated { 0x05 } else { 0 };
-    let [ninth, tenth] = chip.last_controls();
-    [0x38, 0x5C, reg::BDU | reg::IF_INC, 0, stimulus, 0, 0, 0, ninth, tenth]
 }

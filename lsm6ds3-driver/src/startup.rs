@@ -1,13 +1,13 @@
 //! From power-on to the first good data, step by step, with every register read back.
 
-use tvc_imu::judge::{Inspector, Words};
+use tvc_imu::judge::{Inspector, Rules, Words};
 use tvc_imu::{Micros, SensorFault, Transfer, Transferred};
 
 use crate::chip::Chip;
 use crate::config::Config;
 use crate::registers as reg;
 use crate::sample;
-use crate::self_test::{self, SelfTest, Sums};
+use crate::self_test::{self, Half, SelfTest, Sums};
 
 /// Longest time for a chip to answer and identify itself before the driver reports a fault, us. A
 /// chip boots in 15 ms (data sheet section 5.6).
@@ -36,10 +36,10 @@ enum Step {
     Identify,
     Reset,
     AwaitReset,
-    /// Sets the self-test up, without or with its stimulus.
-    Test(bool),
-    /// Bursts of the self-test.
-    Measure(bool),
+    /// Sets a half of the self-test up.
+    Test(Half),
+    /// Its bursts.
+    Measure(Half),
     Write,
     Confirm,
     /// Bursts, until the data are live.
@@ -71,8 +71,8 @@ pub(crate) enum Progress {
 /// A set-up under way.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Startup {
-    /// The self-test is to be made on the way.
-    tests: bool,
+    /// The self-test that is to be made on the way.
+    test: Option<Half>,
     step: Step,
     step_since: Micros,
     not_before: Micros,
@@ -91,8 +91,9 @@ pub(crate) struct Startup {
 
 impl Startup {
     /// A set-up that makes the self-test on its way.
+    #[cfg(feature = "self-test")]
     pub(crate) fn testing() -> Self {
-        Self { tests: true, ..Self::default() }
+        Self { test: Some(Half::FIRST), ..Self::default() }
     }
 
     /// A set-up that begins now.
@@ -124,9 +125,7 @@ impl Startup {
             Step::Identify => Transfer::read(reg::WHO_AM_I, 1),
             Step::Reset => Transfer::write(reg::CTRL3_C, [reg::IF_INC | reg::SW_RESET]),
             Step::AwaitReset => Transfer::read(reg::CTRL3_C, 1),
-            Step::Test(stimulated) => {
-                Transfer::write(reg::CTRL1_XL, self_test::controls(chip, stimulated))
-            }
+            Step::Test(half) => Transfer::write(reg::CTRL1_XL, half.controls(chip)),
             Step::Measure(_) | Step::AwaitData => sample::BURST,
             Step::Write => Transfer::write(reg::CTRL1_XL, config.controls(chip)),
             Step::Confirm => STATUS,
@@ -134,7 +133,7 @@ impl Startup {
     }
 
     /// The consequence of a step and of the chip's answer.
-    fn judge(&mut self, now: Micros, bytes: &[u8], config: &Config) -> Verdict {
+    fn judge(&mut self, now: Micros, bytes: &[u8], config: &Config, rules: &Rules) -> Verdict {
         match (self.step, bytes) {
             (Step::Call, _) => Verdict::Go(Step::Identify, 0),
             (Step::Identify, &[0xFF]) => Verdict::Fail(SensorFault::AllOnes),
@@ -147,19 +146,18 @@ impl Startup {
             }
             (Step::Reset, _) => Verdict::Go(Step::AwaitReset, RESET_US),
             (Step::AwaitReset, &[control]) if control & reg::SW_RESET == 0 => {
-                Verdict::Go(if self.tests { Step::Test(false) } else { Step::Write }, 0)
+                Verdict::Go(self.test.map_or(Step::Write, Step::Test), 0)
             }
             (Step::AwaitReset, &[found]) => Verdict::Again(
                 RESET_US,
                 50 * RESET_US,
                 SensorFault::Configuration { register: reg::CTRL3_C, found },
             ),
-            (Step::Test(stimulated), _) => {
+            (Step::Test(half), _) => {
                 self.bursts = 0;
-                let settle = if stimulated { self_test::STIMULUS_US } else { self_test::SETTLE_US };
-                Verdict::Go(Step::Measure(stimulated), settle)
+                Verdict::Go(Step::Measure(half), half.settle_us())
             }
-            (Step::Measure(stimulated), _) => self.measure(stimulated, bytes),
+            (Step::Measure(half), _) => self.measure(half, bytes),
             (Step::Write, _) => Verdict::Go(Step::Confirm, 0),
             (Step::Confirm, _) => match confirm(config, self.chip, bytes) {
                 Ok(_) => {
@@ -169,33 +167,34 @@ impl Startup {
                 }
                 Err(fault) => Verdict::Fail(fault),
             },
-            (Step::AwaitData, _) => self.look(now, bytes, config),
+            (Step::AwaitData, _) => self.look(now, bytes, rules),
             (Step::Identify | Step::AwaitReset, _) => Verdict::Fail(SensorFault::Protocol),
         }
     }
 
     /// Takes a burst of the self-test.
-    fn measure(&mut self, stimulated: bool, bytes: &[u8]) -> Verdict {
+    fn measure(&mut self, half: Half, bytes: &[u8]) -> Verdict {
         let mut words = Words::default();
         if let Err(fault) = sample::read(&mut words, &self.inspector, bytes) {
             return Verdict::Fail(fault);
         }
-        self.sums.add(stimulated, &words);
+        self.sums.add(half, &words);
         self.bursts += 1;
-        match (self.bursts < self_test::BURSTS, stimulated, self.chip) {
-            (true, _, _) => Verdict::Go(Step::Measure(stimulated), self_test::BURST_US),
-            (false, false, _) => Verdict::Go(Step::Test(true), 0),
-            (false, true, Some(chip)) => Verdict::Tested(self.sums.result(chip)),
-            (false, true, None) => Verdict::Fail(SensorFault::Protocol),
+        if self.bursts < self_test::BURSTS {
+            return Verdict::Go(Step::Measure(half), self_test::BURST_US);
+        }
+        match self.chip.map(|chip| half.next(&self.sums, chip)) {
+            Some(Ok(half)) => Verdict::Go(Step::Test(half), 0),
+            Some(Err(result)) => Verdict::Tested(result),
+            None => Verdict::Fail(SensorFault::Protocol),
         }
     }
 
     /// Judges a burst before the first sample. The second fresh one shows that the data move.
-    fn look(&mut self, now: Micros, bytes: &[u8], config: &Config) -> Verdict {
+    fn look(&mut self, now: Micros, bytes: &[u8], rules: &Rules) -> Verdict {
         let mut words = Words::default();
-        let judged = sample::read(&mut words, &self.inspector, bytes).and_then(|is_whole| {
-            self.inspector.judge(&config.rules(), now, &words, is_whole, false)
-        });
+        let judged = sample::read(&mut words, &self.inspector, bytes)
+            .and_then(|is_whole| self.inspector.judge(rules, now, &words, is_whole, false));
         match judged {
             Ok(judged) if judged.fresh && self.bursts >= 1 => Verdict::Reached,
             Ok(judged) => {
@@ -212,6 +211,7 @@ impl Startup {
         now: Micros,
         outcome: Transferred<'_>,
         config: &Config,
+        rules: &Rules,
     ) -> Progress {
         if !core::mem::take(&mut self.outstanding) {
             return Progress::Going;
@@ -221,7 +221,7 @@ impl Startup {
             Ok(bytes) if bytes.len() != self.transfer(config).answer_len() => {
                 Verdict::Fail(SensorFault::Protocol)
             }
-            Ok(bytes) => self.judge(now, bytes, config),
+            Ok(bytes) => self.judge(now, bytes, config, rules),
         };
         match verdict {
             Verdict::Reached => return Progress::Reached,

@@ -5,13 +5,15 @@
 
 mod bno055;
 mod lsm6ds3;
-mod pair;
+mod standby;
 
 use crate::params::Params;
 use tvc_imu::{
     Bursts, Description, Imu, Micros, Next, RawSample, Refresh, Sample, Scale, SensorFault,
-    Transferred,
+    Transfer, Transferred,
 };
+
+use standby::{Standby, Turn};
 
 /// A sensor that can be chosen, by the value of `SENSOR`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -63,62 +65,156 @@ impl Kind {
     }
 }
 
-/// The chosen sensor's driver.
+/// The sensors of this vehicle: one flies, and another may stand by.
 #[derive(Clone, Debug)]
-pub enum Sensor {
-    /// See [`Kind::Bno055`].
-    Bno055(bno055::Driver),
-    /// See [`Kind::Lsm6ds3`].
-    Lsm6ds3(lsm6ds3::Driver),
-    /// See [`Kind::Both`].
-    Both(pair::Pair),
+pub struct Sensor {
+    bno055: bno055::Driver,
+    lsm6ds3: lsm6ds3::Driver,
+    /// The LSM6DS3 flies.
+    onboard_flies: bool,
+    /// There is a sensor that stands by.
+    standby: Option<Standby>,
+    /// Whose transfer was asked for last.
+    asked: Asked,
+}
+
+/// The transfer that was asked for last.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Asked {
+    /// By the driver of the sensor that flies.
+    #[default]
+    Flying,
+    /// By the driver of the other.
+    Other,
+    /// A burst of the other, and when it began.
+    Burst(Micros),
 }
 
 impl Sensor {
-    /// A driver that will set its sensor up, as the parameters choose it.
+    /// Drivers that will set their sensors up, as the parameters choose them.
     #[must_use]
     pub fn new(params: &Params) -> Self {
-        match params.sensor_kind() {
-            Kind::Bno055 => Self::Bno055(bno055::new()),
-            Kind::Lsm6ds3 => Self::Lsm6ds3(lsm6ds3::new()),
-            Kind::Both => Self::Both(pair::Pair::new(mounts_deg(params))),
+        let kind = params.sensor_kind();
+        Self {
+            bno055: bno055::new(),
+            lsm6ds3: lsm6ds3::new(),
+            onboard_flies: kind == Kind::Lsm6ds3,
+            standby: (kind == Kind::Both).then(|| Standby::new(mounts_deg(params))),
+            asked: Asked::Flying,
         }
     }
 
-    /// Whether the parameters choose this sensor.
+    /// Whether the parameters choose these sensors.
     #[must_use]
     pub fn is_as(&self, params: &Params) -> bool {
         let kind = params.sensor_kind();
-        match self {
-            Self::Bno055(_) => kind == Kind::Bno055,
-            Self::Lsm6ds3(_) => kind == Kind::Lsm6ds3,
-            Self::Both(pair) => kind == Kind::Both && pair.mounts_deg() == mounts_deg(params),
+        match &self.standby {
+            Some(standby) => kind == Kind::Both && standby.mounts_deg() == mounts_deg(params),
+            None => kind != Kind::Both && self.onboard_flies == (kind == Kind::Lsm6ds3),
         }
     }
 
     /// The sensor whose transfer [`Imu::next`] gave last.
     #[must_use]
     pub fn asked(&self) -> Kind {
-        match self {
-            Self::Lsm6ds3(_) => Kind::Lsm6ds3,
-            Self::Both(pair) if pair.asks_onboard() => Kind::Lsm6ds3,
-            Self::Bno055(_) | Self::Both(_) => Kind::Bno055,
+        if self.onboard_flies == (self.asked == Asked::Flying) {
+            Kind::Lsm6ds3
+        } else {
+            Kind::Bno055
         }
     }
 
     /// The 7-bit address of the transfer that [`Imu::next`] gave last.
     #[must_use]
     pub fn address(&self) -> u8 {
-        match self {
-            Self::Both(pair) => pair.address(),
-            single => single.bursts().address,
+        match self.asked {
+            Asked::Flying => self.flying().bursts().address,
+            Asked::Other | Asked::Burst(_) => self.of(!self.onboard_flies).bursts().address,
         }
     }
 
     /// While the vehicle is armed, what two sensors differ by stays.
     pub fn hold_offsets(&mut self, holds: bool) {
-        if let Self::Both(pair) = self {
-            pair.hold_offsets(holds);
+        if let Some(standby) = &mut self.standby {
+            standby.holds = holds;
+        }
+    }
+
+    fn of(&self, onboard: bool) -> &dyn Imu {
+        if onboard { &self.lsm6ds3 } else { &self.bno055 }
+    }
+
+    fn of_mut(&mut self, onboard: bool) -> &mut dyn Imu {
+        if onboard { &mut self.lsm6ds3 } else { &mut self.bno055 }
+    }
+
+    fn flying(&self) -> &dyn Imu {
+        self.of(self.onboard_flies)
+    }
+
+    fn flying_mut(&mut self) -> &mut dyn Imu {
+        self.of_mut(self.onboard_flies)
+    }
+
+    fn other_mut(&mut self) -> &mut dyn Imu {
+        self.of_mut(!self.onboard_flies)
+    }
+
+    /// What the other sensor's driver asks for, with both.
+    fn other(&mut self, now: Micros) -> Option<Transfer> {
+        self.standby.as_ref()?;
+        match self.other_mut().next(now) {
+            Next::Transfer(transfer) => Some(transfer),
+            Next::Wait(_) | Next::Sample => None,
+        }
+    }
+
+    /// The next transfer. There is time for one behind each burst of the sensor that flies.
+    fn ask(&mut self, now: Micros) -> (Next, Asked) {
+        let turn = match &self.standby {
+            Some(standby) if self.is_sampling() => standby.turn(),
+            _ => Turn::Flying,
+        };
+        match turn {
+            Turn::Burst => match self.of(!self.onboard_flies).bursts().whole {
+                Some(burst) => (Next::Transfer(burst), Asked::Burst(now)),
+                None => (Next::Sample, Asked::Flying),
+            },
+            Turn::Other => match self.other(now) {
+                Some(transfer) => (Next::Transfer(transfer), Asked::Other),
+                None => (Next::Sample, Asked::Flying),
+            },
+            Turn::Flying => match self.flying_mut().next(now) {
+                // Its set-up pauses, and leaves time to the other.
+                Next::Wait(until) => match self.other(now) {
+                    Some(transfer) => (Next::Transfer(transfer), Asked::Other),
+                    None => (Next::Wait(until), Asked::Flying),
+                },
+                next => (next, Asked::Flying),
+            },
+        }
+    }
+
+    /// Takes a burst of the sensor that stands by.
+    fn stand_by(&mut self, started: Micros, outcome: Transferred<'_>) {
+        let onboard_flies = self.onboard_flies;
+        let sampled = self.other_mut().sample(started, outcome);
+        if let Some(standby) = &mut self.standby {
+            standby.take(sampled.ok().map(|sample| sample.raw), !onboard_flies);
+        }
+    }
+
+    /// What a sensor that failed leaves: with another that is ready, the next tick has a sample
+    /// again, of the other.
+    fn failed(&mut self, now: Micros, fault: SensorFault) -> SensorFault {
+        match &mut self.standby {
+            // What ends the trust in one sensor does not end it in both.
+            Some(standby) if standby.is_ready(now) => {
+                self.onboard_flies = !self.onboard_flies;
+                standby.change(self.onboard_flies);
+                SensorFault::Late
+            }
+            _ => fault,
         }
     }
 }
@@ -128,60 +224,75 @@ fn mounts_deg(params: &Params) -> [[f32; 3]; 2] {
     [params.mount_deg(), params.standby_mount_deg()]
 }
 
-/// The same call of any driver.
-macro_rules! of_any {
-    ($sensor:expr, $driver:ident => $call:expr) => {
-        match $sensor {
-            Sensor::Bno055($driver) => $call,
-            Sensor::Lsm6ds3($driver) => $call,
-            Sensor::Both($driver) => $call,
-        }
-    };
-}
-
 impl Imu for Sensor {
     fn next(&mut self, now: Micros) -> Next {
-        of_any!(self, driver => driver.next(now))
+        let (next, asked) = self.ask(now);
+        self.asked = asked;
+        next
     }
 
     fn complete(&mut self, now: Micros, outcome: Transferred<'_>) {
-        of_any!(self, driver => driver.complete(now, outcome));
+        match self.asked {
+            Asked::Flying => self.flying_mut().complete(now, outcome),
+            Asked::Other => self.other_mut().complete(now, outcome),
+            Asked::Burst(started) => self.stand_by(started, outcome),
+        }
     }
 
     fn is_sampling(&self) -> bool {
-        of_any!(self, driver => driver.is_sampling())
+        self.flying().is_sampling()
     }
 
     fn bursts(&self) -> Bursts {
-        of_any!(self, driver => driver.bursts())
+        self.flying().bursts()
     }
 
     fn sample(&mut self, time: Micros, outcome: Transferred<'_>) -> Result<Sample, SensorFault> {
-        of_any!(self, driver => driver.sample(time, outcome))
+        let sampled = self.flying_mut().sample(time, outcome);
+        let Some(standby) = &mut self.standby else { return sampled };
+        standby.tick();
+        match sampled {
+            Ok(sample) => {
+                let judged = standby.join(sample.raw, self.onboard_flies);
+                if self.onboard_flies && standby.is_matched() {
+                    // On the ground the BNO055 flies as soon as it samples.
+                    self.onboard_flies = false;
+                    standby.change(false);
+                }
+                judged
+            }
+            Err(fault) => Err(self.failed(time, fault)),
+        }
     }
 
     fn overdue(&mut self, time: Micros, outcome: Transferred<'_>) {
-        of_any!(self, driver => driver.overdue(time, outcome));
+        self.flying_mut().overdue(time, outcome);
     }
 
     fn missed(&mut self) -> SensorFault {
-        of_any!(self, driver => driver.missed())
+        if let Some(standby) = &mut self.standby {
+            standby.tick();
+        }
+        self.flying_mut().missed()
     }
 
     fn fault(&self) -> Option<SensorFault> {
-        of_any!(self, driver => driver.fault())
+        self.flying().fault()
     }
 
     fn failed_setups(&self) -> u32 {
-        of_any!(self, driver => driver.failed_setups())
+        self.flying().failed_setups()
     }
 
     fn fresh(&self) -> u32 {
-        of_any!(self, driver => driver.fresh())
+        self.flying().fresh()
     }
 
     fn refresh(&self) -> &Refresh {
-        of_any!(self, driver => driver.refresh())
+        match &self.standby {
+            Some(standby) => standby.refresh(),
+            None => self.flying().refresh(),
+        }
     }
 }
 

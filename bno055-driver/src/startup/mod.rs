@@ -11,7 +11,7 @@ use crate::status::Identity;
 use judges::{
     answer, await_clock, await_mode, await_running, await_self_test, confirm, diagnose, identify,
 };
-use tvc_imu::judge::{Inspector, Judged, Words};
+use tvc_imu::judge::{Inspector, Judged, Rules, Words};
 use tvc_imu::{Micros, SensorFault, Transfer, Transferred};
 
 /// Longest time for a chip to answer and identify itself before the driver reports a fault. 850 ms
@@ -178,7 +178,7 @@ impl Startup {
     }
 
     /// The consequence of a step and of the chip's answer.
-    fn judge(&mut self, now: Micros, bytes: &[u8], config: &Config) -> Verdict {
+    fn judge(&mut self, now: Micros, bytes: &[u8], config: &Config, rules: &Rules) -> Verdict {
         use SetupStep as Step;
         match self.step {
             Step::Call => Verdict::Go(Step::Identify, 0),
@@ -206,7 +206,7 @@ impl Startup {
                 self.live = 0;
                 await_running(bytes, config)
             }
-            Step::AwaitData => match self.look(now, bytes, config) {
+            Step::AwaitData => match self.look(now, bytes, config, rules) {
                 // The second fresh burst shows that the data move.
                 Ok(judged) if judged.fresh && self.live >= 1 => Verdict::Reached,
                 Ok(judged) => {
@@ -220,10 +220,16 @@ impl Startup {
     }
 
     /// Judges a burst before the first sample.
-    fn look(&mut self, now: Micros, bytes: &[u8], config: &Config) -> Result<Judged, SensorFault> {
+    fn look(
+        &mut self,
+        now: Micros,
+        bytes: &[u8],
+        config: &Config,
+        rules: &Rules,
+    ) -> Result<Judged, SensorFault> {
         let mut words = Words::default();
         let is_whole = sample::read(&mut words, config, &self.inspector, bytes)?;
-        self.inspector.judge(&config.rules(), now, &words, is_whole, false)
+        self.inspector.judge(rules, now, &words, is_whole, false)
     }
 
     /// Takes the outcome of the transfer from [`Startup::next`]; ignores any other.
@@ -232,6 +238,7 @@ impl Startup {
         now: Micros,
         outcome: Transferred<'_>,
         config: &Config,
+        rules: &Rules,
     ) -> Progress {
         if !core::mem::take(&mut self.outstanding) {
             return Progress::Going;
@@ -241,7 +248,7 @@ impl Startup {
             Ok(bytes) if bytes.len() != self.transfer(config).answer_len() => {
                 Verdict::Fail(SensorFault::Protocol)
             }
-            Ok(bytes) => self.judge(now, bytes, config),
+            Ok(bytes) => self.judge(now, bytes, config, rules),
         };
         match verdict {
             Verdict::Reached => return Progress::Reached(self.goal),
