@@ -33,6 +33,13 @@ impl Kind {
     pub const ALL: [(Self, &str); 3] =
         [(Self::Bno055, "bno055"), (Self::Lsm6ds3, "lsm6ds3"), (Self::Both, "both")];
 
+    /// The name that commands use.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        let mut kinds = Self::ALL.iter();
+        kinds.find(|(kind, _)| *kind == self).map_or("", |(_, name)| name)
+    }
+
     /// The value of `SENSOR`.
     #[must_use]
     pub const fn value(self) -> f32 {

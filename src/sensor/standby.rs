@@ -5,12 +5,13 @@
 //! offsets included. So the calibration is the BNO055's alone, and the attitude goes on when the
 //! sensor that flies fails: its next sample comes from the other.
 //!
-//! The difference is followed while the vehicle is disarmed, and slowly in the air. A sensor whose
-//! offset wanders in the air is seen by the angle that gathers between the two.
+//! The difference is followed while the vehicle is disarmed, and slowly in the air. On the ground the
+//! sensors disagree where the difference is larger than sound sensors have. In the air they disagree
+//! where an angle gathers between the two: the offset of one wanders.
 
 use tvc_imu::{Micros, RawSample, Refresh, Sample, SensorFault};
 
-use super::{GYR_COUNTS, Kind};
+use super::{ACC_COUNTS, GYR_COUNTS, Kind};
 use crate::mount::Relative;
 
 /// Greatest age of a sample of the sensor that stands by, us: two turns of four ticks.
@@ -26,6 +27,9 @@ const AIR_LOG2: u32 = 12;
 const FINER: u32 = 12;
 /// The angle between the two forgets by this share: 1.7 s.
 const FORGET_LOG2: u32 = 6;
+/// Largest differences on the ground, of accelerations and of rates: 1.5 m/s^2 and 10 deg/s. The
+/// data sheets of both together allow 1.2 m/s^2 and 8 deg/s; a wrong mount makes more.
+const DIFFERENCE_LIMITS: [i32; 2] = [(1.5 * ACC_COUNTS) as i32, (10.0 * GYR_COUNTS) as i32];
 /// Largest angle between the two: 2.5 deg, in counts times comparisons, of which there are 37 a
 /// second.
 const ANGLE_LIMIT: i32 = (2.5 * GYR_COUNTS * 37.0) as i32;
@@ -62,6 +66,8 @@ pub(super) struct Standby {
     compared: u16,
     /// Angles between the two, counts times samples.
     angles: [i32; 3],
+    /// They disagree.
+    differ: bool,
     /// Of the samples that fly.
     refresh: Refresh,
 }
@@ -80,6 +86,7 @@ impl Standby {
             differences: [[0; 3]; 2],
             compared: 0,
             angles: [0; 3],
+            differ: false,
             refresh: Refresh::default(),
         }
     }
@@ -112,8 +119,11 @@ impl Standby {
     pub(super) fn take(&mut self, raw: Option<RawSample>, is_onboard: bool) {
         self.burst_made = true;
         if let Some(raw) = raw {
-            self.newest = Some(if is_onboard { self.turned(raw) } else { raw });
-            self.is_fresh = true;
+            let raw = if is_onboard { self.turned(raw) } else { raw };
+            // A sensor that stands still is left to its driver's judgement.
+            let is_same = |last: RawSample| (last.acc, last.gyr) == (raw.acc, raw.gyr);
+            self.is_fresh = !self.newest.is_some_and(is_same);
+            self.newest = Some(raw);
         }
     }
 
@@ -138,13 +148,16 @@ impl Standby {
     /// The sample of the sensor that flies, as of the BNO055.
     ///
     /// # Errors
-    /// The two turn differently.
+    /// The two disagree.
     pub(super) fn join(&mut self, raw: RawSample, is_onboard: bool) -> Result<Sample, SensorFault> {
         let raw = if is_onboard { self.turned(raw) } else { raw };
         if let Some(other) = self.newest.filter(|_| self.is_fresh) {
             self.is_fresh = false;
             let (bno055, lsm6ds3) = if is_onboard { (&other, &raw) } else { (&raw, &other) };
-            self.compare(bno055, lsm6ds3)?;
+            self.compare(bno055, lsm6ds3);
+        }
+        if self.differ {
+            return Err(SensorFault::Disagreement);
         }
         Ok(self.refresh.read(if is_onboard { self.with_differences(raw) } else { raw }))
     }
@@ -168,10 +181,7 @@ impl Standby {
     }
 
     /// Follows the differences of two samples, and the angle that gathers between them.
-    ///
-    /// # Errors
-    /// The two turn differently.
-    fn compare(&mut self, bno055: &RawSample, lsm6ds3: &RawSample) -> Result<(), SensorFault> {
+    fn compare(&mut self, bno055: &RawSample, lsm6ds3: &RawSample) {
         let log2 = if self.holds { AIR_LOG2 } else { GROUND_LOG2 };
         self.compared = (self.compared + 1).min(KNOWN);
         let [acc, gyr] = &mut self.differences;
@@ -185,15 +195,100 @@ impl Standby {
                 *difference += (now - *difference) >> log2;
             }
         }
-        let mut differ = false;
+        if !self.holds {
+            self.angles = [0; 3];
+            let mut pairs = self.differences.iter().zip(DIFFERENCE_LIMITS);
+            let is_large = |limit: i32| move |of: &i32| (of >> FINER).abs() > limit;
+            self.differ = self.compared == KNOWN
+                && pairs.any(|(differences, limit)| differences.iter().any(is_large(limit)));
+            return;
+        }
         // The errors left are those of the rates.
         for (angle, error) in self.angles.iter_mut().zip(errors) {
             *angle += error - (*angle >> FORGET_LOG2);
-            differ |= self.holds && angle.abs() > ANGLE_LIMIT;
-            if !self.holds {
-                *angle = 0;
-            }
+            self.differ |= angle.abs() > ANGLE_LIMIT;
         }
-        if differ { Err(SensorFault::Disagreement) } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Samples of both, 27 ms apart: the BNO055 flies, and the other reads the same words and these
+    /// besides.
+    fn compared(standby: &mut Standby, times: u32, acc: i16, gyr: i16) -> Result<(), SensorFault> {
+        for _ in 0..times {
+            // What moves does not stand still.
+            let moves = standby.newest.map_or(0, |last| 1 - last.gyr[2]);
+            let raw = RawSample { acc: [0, 0, 981], gyr: [0, 0, moves], ..RawSample::default() };
+            let other = RawSample { acc: [acc, 0, 981], gyr: [0, gyr, moves], ..raw };
+            standby.take(Some(other), true);
+            standby.join(raw, false)?;
+        }
+        Ok(())
+    }
+
+    fn standby() -> Standby {
+        Standby::new([[0.0; 3]; 2])
+    }
+
+    /// The LSM6DS3 reads 0.5 m/s^2 and 2 deg/s more: where it flies, its samples are the BNO055's.
+    #[test]
+    fn the_sensor_that_stands_by_reads_as_the_other() {
+        let mut standby = standby();
+        compared(&mut standby, 300, 50, 32).unwrap();
+        let newest = standby.newest.unwrap();
+        assert!(standby.is_ready(newest.time.after(AGE_US)));
+        assert!(!standby.is_ready(newest.time.after(AGE_US + 1)), "it is too old");
+        standby.change(true);
+        let raw = RawSample { acc: [50, 0, 981], gyr: [0, 32, 100], ..RawSample::default() };
+        let RawSample { acc, gyr, .. } = standby.join(raw, true).unwrap().raw;
+        assert_eq!((acc, gyr), ([0, 0, 981], [0, 0, 100]));
+    }
+
+    #[test]
+    fn it_is_not_ready_before_the_difference_is_known() {
+        let mut standby = standby();
+        compared(&mut standby, u32::from(KNOWN) - 1, 0, 0).unwrap();
+        assert!(!standby.is_ready(Micros(0)));
+        compared(&mut standby, 1, 0, 0).unwrap();
+        assert!(standby.is_ready(Micros(0)));
+    }
+
+    /// 1.5 m/s^2 and 10 deg/s are 150 and 160 counts.
+    #[test]
+    fn on_the_ground_large_differences_disagree() {
+        for (acc, gyr, agree) in [(140, 150, true), (160, 0, false), (0, -170, false)] {
+            let mut standby = standby();
+            assert_eq!(compared(&mut standby, 600, acc, gyr).is_ok(), agree, "{acc} {gyr}");
+            // The difference goes, and they agree again.
+            let _ = (0..600).map(|_| compared(&mut standby, 1, 0, 0)).last();
+            assert_eq!(compared(&mut standby, 1, 0, 0), Ok(()));
+        }
+    }
+
+    /// A rate of 1 deg/s between the two makes 1.7 deg at most, since the angle forgets; one of
+    /// 3 deg/s makes 2.5 deg in a second and a half.
+    #[test]
+    fn in_the_air_an_angle_between_the_two_disagrees() {
+        let mut standby = standby();
+        compared(&mut standby, 300, 0, 0).unwrap();
+        standby.holds = true;
+        compared(&mut standby, 300, 0, 16).unwrap();
+        assert_eq!(compared(&mut standby, 20, 0, 48), Err(SensorFault::Disagreement));
+    }
+
+    #[test]
+    fn a_sensor_that_stands_still_is_not_compared() {
+        let mut standby = standby();
+        compared(&mut standby, 300, 0, 0).unwrap();
+        standby.holds = true;
+        let still = standby.newest;
+        for rate in 0..100 {
+            standby.take(still, true);
+            let raw = RawSample { gyr: [100 * rate, 0, 0], ..RawSample::default() };
+            standby.join(raw, false).unwrap();
+        }
     }
 }

@@ -351,3 +351,42 @@ fn the_sensor_that_stands_by_takes_over() {
         assert!(tilt_rad.abs() < 0.01, "{fault:?}: {tilt_rad}");
     }
 }
+
+/// One of two sensors lies ever more: the gyroscope's offset grows by 1 deg/s each second. That is
+/// noticed before the drone is 5 deg off.
+#[test]
+fn of_two_sensors_one_that_lies_is_noticed() {
+    let mut setup = Setup::with_polarity(ServoKind::S3003, 1);
+    let stored = setup.rig.stored.get_or_insert_default();
+    stored.set("SENSOR", Kind::Both.value()).unwrap();
+    for onboard in [false, true] {
+        let mut ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
+        let Ready { rig, station, .. } = &mut ready;
+        rig.environment.tilt_clamp_to([0.4, 0.0]);
+        station.run(rig, ms(8000)).unwrap();
+        station.arm(rig).unwrap();
+        station.release(rig, 0.0).unwrap();
+        station.run(rig, ms(2000)).unwrap();
+        let now = rig.now();
+        let ramp_rad_s2 = 1.0_f64.to_radians();
+        if onboard {
+            rig.environment.onboard.drift(now, ramp_rad_s2);
+        } else {
+            rig.environment.sensor.drift(now, ramp_rad_s2);
+        }
+        let mut most_rad = 0.0_f64;
+        while station.state() == Some(StateKind::Active) {
+            station.run(rig, ms(20)).unwrap();
+            let tilt_rad = rig.truth().motion.last().unwrap().tilt_rad[0];
+            most_rad = most_rad.max(tilt_rad.abs());
+            assert!(rig.now() < now + ms(20_000), "not noticed");
+        }
+        println!(
+            "onboard {onboard}: {} s, {} deg",
+            (rig.now() - now).as_secs_f64(),
+            most_rad.to_degrees()
+        );
+        assert!(most_rad < 5.0_f64.to_radians(), "onboard {onboard}: {most_rad} rad");
+        assert!(station.last_text().is_some_and(|text| text.contains("disagree")));
+    }
+}

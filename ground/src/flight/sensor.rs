@@ -7,7 +7,7 @@ use anyhow::Result;
 use clap::Args;
 use design::vehicle::store;
 use samd21::board::Ticks;
-use tvc_nano::sensor::Kind;
+pub use tvc_nano::sensor::Kind;
 
 /// The choice of a sensor.
 #[derive(Clone, Copy, Debug, Default, Args)]
@@ -38,7 +38,11 @@ impl SensorOption {
     }
 }
 
-fn kind(text: &str) -> Result<Kind, String> {
+/// The choice with this name.
+///
+/// # Errors
+/// There is none.
+pub fn kind(text: &str) -> Result<Kind, String> {
     let mut all = Kind::ALL.into_iter();
     let found = all.find(|(_, name)| *name == text);
     found.map(|(kind, _)| kind).ok_or_else(|| {

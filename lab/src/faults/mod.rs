@@ -22,6 +22,8 @@ use ::report::file::write_table;
 use ::report::kind;
 use ::report::measure::{Figures, figure};
 use design::vehicle::{VehicleChoice, VehicleKind};
+use ground::flight::sensor::Kind as Sensor;
+use ground::flight::sensor::{self, SensorOption};
 pub use options::Faults;
 use options::{FaultsCommand, Rerun};
 pub use scenario::Scenario;
@@ -63,12 +65,24 @@ pub struct Flown {
     pub servo: ServoKind,
     /// What the parts are like, as `--hardware` takes it.
     pub hardware: String,
+    /// Its sensors, as `--sensor` takes them.
+    #[serde(default = "bno055", skip_serializing_if = "is_bno055")]
+    pub sensor: String,
     /// What it does when a fault begins.
     #[serde(with = "named")]
     pub phase: Phase,
     /// Length of a run of a sound vehicle, s, if it is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<u16>,
+}
+
+/// What files of runs with a BNO055 leave out.
+fn bno055() -> String {
+    Sensor::default().name().to_owned()
+}
+
+fn is_bno055(sensor: &String) -> bool {
+    *sensor == bno055()
 }
 
 /// The figures and the page of a campaign's rows.
@@ -166,6 +180,10 @@ impl Base {
         let mut setup = Setup::with_polarity(flown.servo, flown.seed);
         setup.rig.hardware = flown.hardware.parse().map_err(BadInput::new)?;
         VehicleChoice::Known(flown.vehicle).read(flown.servo)?.hang(&mut setup.rig)?;
+        if !is_bno055(&flown.sensor) {
+            let sensor = Some(sensor::kind(&flown.sensor).map_err(BadInput::new)?);
+            SensorOption { sensor }.fit(&mut setup.rig)?;
+        }
         if flown.plan == Plan::Sound {
             let sound = Sound::new(image, setup, flown.phase).with_hardware(&flown.hardware);
             let mut sound = sound.map_err(BadInput::new)?;
@@ -211,7 +229,8 @@ impl Base {
 /// # Errors
 /// The phase does not have a kind.
 fn runs_of_each(options: &Faults, all: &[Flown]) -> Result<u32> {
-    let sensor_kind = options.kind.iter().find(|kind| matches!(kind, Kind::Sensor(_)));
+    let sensor_kind =
+        options.kind.iter().find(|kind| matches!(kind, Kind::Sensor(_) | Kind::Onboard(_)));
     let other_phase = all.iter().find(|flown| flown.phase != Phase::Flight);
     if let (Some(kind), Some(flown)) = (sensor_kind, other_phase) {
         let why = format!("--phase {}: {kind} is a fault of phase flight", flown.phase);
@@ -226,6 +245,11 @@ fn runs_of_each(options: &Faults, all: &[Flown]) -> Result<u32> {
 /// What fails.
 fn kinds(options: &Faults, flown: &Flown) -> Vec<Kind> {
     let mut kinds = flown.plan.kinds(flown.phase);
+    kinds.retain(|kind| match kind {
+        Kind::Sensor(_) => flown.sensor != Sensor::Lsm6ds3.name(),
+        Kind::Onboard(_) => !is_bno055(&flown.sensor),
+        Kind::System(_) | Kind::Sound(_) => true,
+    });
     if !options.kind.is_empty() {
         kinds.retain(|kind| options.kind.contains(kind));
     }

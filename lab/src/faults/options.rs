@@ -9,6 +9,7 @@ use rig::faults::{Kind, Phase, Plan};
 use super::Flown;
 use design::vehicle::VehicleKind;
 use ground::flight::hardware::HardwareChoice;
+use ground::flight::sensor::SensorOption;
 use ground::image::ImageOption;
 use report::arguments::shard;
 use report::campaign::{CampaignOptions, Merge, Output};
@@ -29,6 +30,7 @@ Examples:
   cargo lab faults --timer-bits                       every bit of the servo timer, 20 instants each
   cargo lab faults --sound                            no fault: what is done to sound vehicles
   cargo lab faults --vehicle drone2                   both rudders of the two-axis drone
+  cargo lab faults --sensor both                      faults of either of two sensors
   cargo lab faults --phase saving                     chip, program and host, while parameters are stored
   cargo lab faults --runs 10000 --shard 3/16 --out part3.csv
   cargo lab faults merge part*.csv                    what many shards add up to
@@ -57,6 +59,10 @@ pub struct Faults {
     /// both, the digital one at 200 and 333 Hz, too].
     #[arg(long, value_enum)]
     pub servo: Option<ServoKind>,
+
+    /// Which sensors.
+    #[command(flatten)]
+    pub sensor: SensorOption,
 
     /// What the vehicle does when the fault begins: start, standby, saving (its parameters), armed,
     /// flight or failsafe. In another phase than the flight, only what fails beyond the sensor
@@ -170,6 +176,7 @@ impl Faults {
                     servo,
                     phase: *phase,
                     hardware: self.hardware.text(),
+                    sensor: self.sensor.sensor.unwrap_or_default().name().to_owned(),
                     seed: self.campaign.seed,
                     seconds: self.seconds,
                 }));

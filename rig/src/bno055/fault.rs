@@ -85,6 +85,11 @@ impl Bno055 {
         }
     }
 
+    /// Lets the gyroscope's bias about y grow from now on, by rad/s a second.
+    pub fn drift(&mut self, now: Ticks, rad_s2: f64) {
+        self.signals.ramp = Some((now, rad_s2));
+    }
+
     /// Switches a fault off, whatever its parameters.
     pub fn clear(&mut self, now: Ticks, fault: Fault) {
         self.run(now);

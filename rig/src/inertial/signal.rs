@@ -79,6 +79,8 @@ pub(crate) struct SignalChain {
     mag_latched: Option<[f64; 3]>,
     next_mag: f64,
     last_sense: Ticks,
+    /// From this moment on the gyroscope's bias about y grows, by rad/s a second.
+    pub(crate) ramp: Option<(Ticks, f64)>,
     pub(crate) playback: Option<Playback>,
 }
 
@@ -97,6 +99,7 @@ impl SignalChain {
             mag_latched: None,
             next_mag: 0.0,
             last_sense: Ticks::ZERO,
+            ramp: None,
             playback: None,
         }
     }
@@ -108,7 +111,10 @@ impl SignalChain {
 
     /// The gyroscope's bias now, rad/s.
     pub(crate) fn gyro_bias_rad_s(&self) -> [f64; 3] {
-        let drift = self.drift(self.errors.gyro_drift_rad_s_k);
+        let mut drift = self.drift(self.errors.gyro_drift_rad_s_k);
+        if let Some((from, rad_s2)) = self.ramp {
+            drift[1] += rad_s2 * self.last_sense.saturating_sub(from).as_secs_f64();
+        }
         add(add(self.turn_on_bias_rad_s, self.wandering_rad_s), drift)
     }
 

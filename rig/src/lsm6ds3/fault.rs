@@ -1,34 +1,18 @@
 //! Faults of the LSM6DS3.
 
 use super::Lsm6ds3;
-use crate::inertial::Sample;
+use crate::named_enum::named_enum;
 use samd21::board::Ticks;
 
-/// A fault that can be switched on and off.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Fault {
+named_enum! {
+    /// A fault that can be switched on and off.
+    Fault, "fault";
     /// The chip does not acknowledge.
-    Silent,
+    Silent = "onboard-silent",
     /// The outputs stand still.
-    Frozen,
-    /// It has reset itself once: all registers at their defaults.
-    Reset,
-    /// The gyroscope's offset about y grows from this moment on, rad/s a second.
-    Drift {
-        /// The moment.
-        from: Ticks,
-        /// rad/s^2.
-        rad_s2: f64,
-    },
-}
-
-impl Fault {
-    /// What the fault makes of a sample.
-    pub(super) fn distort(&self, now: Ticks, sample: &mut Sample) {
-        if let Self::Drift { from, rad_s2 } = *self {
-            sample.gyr_rad_s[1] += rad_s2 * now.saturating_sub(from).as_secs_f64();
-        }
-    }
+    Frozen = "onboard-frozen",
+    /// It has reset itself once: all registers at their defaults. There is nothing to clear.
+    Reset = "onboard-reset",
 }
 
 impl Lsm6ds3 {
@@ -45,5 +29,10 @@ impl Lsm6ds3 {
     pub fn clear(&mut self, now: Ticks, fault: Fault) {
         self.run(now);
         self.faults.retain(|other| *other != fault);
+    }
+
+    /// Lets the gyroscope's bias about y grow from now on, by rad/s a second.
+    pub fn drift(&mut self, now: Ticks, rad_s2: f64) {
+        self.signals.ramp = Some((now, rad_s2));
     }
 }

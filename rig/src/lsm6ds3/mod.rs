@@ -342,10 +342,6 @@ impl Lsm6ds3 {
         let [acc, gyr] = self.counts(&sample);
         self.faultless = [acc, [0; 3], gyr];
         self.refresh = Refresh { at: now, recorded: None };
-        for fault in &self.faults {
-            fault.distort(now, &mut sample);
-        }
-        let [acc, gyr] = self.counts(&sample);
         let temperature = ((self.signals.temperature_c() - 25.0) * 16.0) as i16;
         let turned_on = self.on_since.is_some_and(|since| now >= since + TURN_ON);
         let (has_acc, has_gyr) = (self.registers[CTRL1_XL] >> 4 != 0, turned_on);

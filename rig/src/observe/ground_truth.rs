@@ -4,6 +4,7 @@ use crate::inertial::Refresh;
 use crate::observe::waves::Waves;
 use samd21::board::Ticks;
 use tvc_nano::Axis;
+use tvc_nano::sensor::Kind;
 
 /// The vehicle and its servos at one instant. Lists name pitch first, then roll, which is 0
 /// throughout where the drone only pitches.
@@ -75,6 +76,8 @@ pub struct High {
 /// A burst that read all data of the sensor, or the rates alone, seen on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Burst {
+    /// The sensor.
+    pub sensor: Kind,
     /// START condition: one byte before the acknowledge, with the length of the byte after it.
     pub start: Ticks,
     /// Acknowledge of the address, the burst's most precise time.

@@ -66,8 +66,8 @@ struct Transaction {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LogicAnalyzer {
     transaction: Option<Transaction>,
-    /// Words of the newest whole burst, and whether they were valid.
-    whole: Option<([i16; 9], bool)>,
+    /// Words of the newest whole burst of each sensor, and whether they were valid.
+    whole: [Option<([i16; 9], bool)>; 2],
     /// Widths that the program asks for, and asked for when the last pulse rose.
     asked: [Asked; Axis::COUNT],
     step_start: Option<Ticks>,
@@ -124,7 +124,8 @@ impl LogicAnalyzer {
                 {
                     let alone = t.layout.len() == RATES.len();
                     // The rest of a burst of the rates alone is that of the newest whole one.
-                    let rest = if alone { self.whole } else { None };
+                    let whole = &mut self.whole[usize::from(registers.sensor == Kind::Lsm6ds3)];
+                    let rest = if alone { *whole } else { None };
                     let (rest, valid) = rest.unwrap_or(([0; 9], !alone));
                     let mut words = [0; 9];
                     for (place, bytes) in t.layout.iter().zip(t.bytes.chunks_exact(2)) {
@@ -138,9 +139,10 @@ impl LogicAnalyzer {
                     }
                     let valid = valid && close(words, faultless);
                     if !alone {
-                        self.whole = Some((words, valid));
+                        *whole = Some((words, valid));
                     }
                     truth.bursts.push(Burst {
+                        sensor: registers.sensor,
                         start,
                         acknowledged: t.acknowledged,
                         end: now,

@@ -6,7 +6,7 @@ use bno055_driver::{BusError, Imu, Micros, Next, TRANSFER_DEADLINE_US, Transfer}
 use rig::bench::{BenchConfig, Environment, Wiring};
 use samd21::board::{Board, I2cEvent, Ticks};
 use tvc_nano::failsafe::BootReport;
-use tvc_nano::sensor::{self, Sensor};
+use tvc_nano::sensor::Sensor;
 use tvc_nano::{Flight, Params, RawSample, SensorFault, Snapshot};
 
 /// A byte and its acknowledge: nine bits at 400 kHz.
@@ -35,7 +35,7 @@ impl HostLoop {
         assert_eq!(u64::from(params.control_period_us()), TICK_US);
         Self {
             environment: Environment::new(bench).unwrap(),
-            driver: sensor::new(),
+            driver: Sensor::new(&params),
             flight: Flight::new(params, BootReport::default()).unwrap(),
             now: Ticks::ZERO,
             samples: Vec::new(),
@@ -61,12 +61,7 @@ impl HostLoop {
             if (time.0 + LEAD_US).is_multiple_of(FRAME_US) {
                 self.flight.carried_tick(time);
             }
-            let bytes = if self.driver.is_sampling() {
-                let burst = self.driver.burst();
-                Some(self.transfer(burst))
-            } else {
-                None
-            };
+            let bytes = self.driver.bursts().whole.map(|burst| self.transfer(burst));
             let reading = match &bytes {
                 Some(outcome) => {
                     self.driver.sample(time, outcome.as_deref().map_err(|error| *error))
@@ -136,7 +131,7 @@ impl HostLoop {
     }
 
     fn bytes(&mut self, transfer: Transfer) -> Result<Vec<u8>, BusError> {
-        let address = self.driver.config().address.value();
+        let address = self.driver.bursts().address;
         let start = |read| I2cEvent::Start { address, read };
         let check = |ack: bool| if ack { Ok(()) } else { Err(BusError::Nak) };
         check(self.event(start(false)).0)?;

@@ -79,8 +79,10 @@ pub use system::SystemKind;
 
 use crate::bno055::{Fault, FaultKind};
 use crate::fly::flight::{FlightError, Ready};
+use crate::lsm6ds3;
 use crate::observe::ground_truth::Pulse;
 use crate::random::{Stream, generator};
+use crate::rig::Rig;
 use judge::{Blame, Record, Rudder, SystemRun, judge_sensor, judge_system};
 use phase::Undisturbed;
 use rand::Rng;
@@ -139,14 +141,18 @@ pub enum Kind {
     System(SystemKind),
     /// Nothing: this happens to a sound vehicle.
     Sound(SoundKind),
+    /// The sensor on the Nano's board.
+    Onboard(lsm6ds3::Fault),
 }
 
 impl Kind {
-    /// All of them, those of the sensor first, those of sound vehicles last.
+    /// All of them, those of the sensor first.
     pub fn all() -> Vec<Self> {
         let sensor = FaultKind::ALL.into_iter().map(Self::Sensor);
         let system = SystemKind::ALL.into_iter().map(Self::System);
-        sensor.chain(system).chain(SoundKind::ALL.into_iter().map(Self::Sound)).collect()
+        let sound = SoundKind::ALL.into_iter().map(Self::Sound);
+        let onboard = lsm6ds3::Fault::ALL.into_iter().map(Self::Onboard);
+        sensor.chain(system).chain(sound).chain(onboard).collect()
     }
 
     /// Its name on the command line, in files and in tables.
@@ -155,6 +161,7 @@ impl Kind {
             Self::Sensor(kind) => kind.name(),
             Self::System(kind) => kind.name(),
             Self::Sound(kind) => kind.name(),
+            Self::Onboard(fault) => fault.name(),
         }
     }
 
@@ -179,6 +186,38 @@ impl FromStr for Kind {
             let names: Vec<_> = all.iter().map(|kind| kind.name()).collect();
             format!("there is no fault {text}; there are {}", names.join(", "))
         })
+    }
+}
+
+/// The fault of a sensor.
+#[derive(Clone, Copy, Debug)]
+enum Failing {
+    Bno055(Fault),
+    Onboard(lsm6ds3::Fault),
+}
+
+impl Failing {
+    fn begin(self, rig: &mut Rig) {
+        match self {
+            Self::Bno055(fault) => rig.inject(fault),
+            Self::Onboard(fault) => rig.environment.onboard.inject(rig.now(), fault),
+        }
+    }
+
+    fn end(self, rig: &mut Rig) {
+        match self {
+            Self::Bno055(fault) => rig.clear(fault),
+            Self::Onboard(fault) => rig.environment.onboard.clear(rig.now(), fault),
+        }
+    }
+}
+
+impl fmt::Display for Failing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bno055(fault) => write!(f, "{fault:?}"),
+            Self::Onboard(fault) => write!(f, "{fault:?}"),
+        }
     }
 }
 
@@ -258,8 +297,9 @@ impl Campaign {
                 {
                     *probability = 1.0;
                 }
-                self.run_sensor(case, fork, &begun, fault)
+                self.run_sensor(case, fork, &begun, Failing::Bno055(fault))
             }
+            Kind::Onboard(fault) => self.run_sensor(case, fork, &begun, Failing::Onboard(fault)),
             Kind::System(kind) => {
                 let mut what = String::new();
                 match self.run_system(case, kind, &mut fork, &begun, &mut dice, &mut what) {
@@ -279,12 +319,12 @@ impl Campaign {
         case: Case,
         mut fork: Ready,
         begun: &Begun,
-        fault: Fault,
+        fault: Failing,
     ) -> Result<Outcome, FlightError> {
         let Ready { rig, station, .. } = &mut fork;
-        rig.inject(fault);
+        fault.begin(rig);
         station.run(rig, begun.lasted)?;
-        rig.clear(fault);
+        fault.end(rig);
         station.run(rig, WATCHED)?;
         let mut verdict = judge_sensor(&self.record(begun, &fork, 0.0));
         if matches!(verdict.ending, Ending::Unsafe(Unsafe::OffCourse(_))) {
@@ -293,7 +333,7 @@ impl Campaign {
             station.run(rig, WATCHED)?;
             verdict = judge_sensor(&self.record(begun, &fork, 0.0));
         }
-        Ok(self.outcome(case, begun, format!("{fault:?}"), verdict, &fork))
+        Ok(self.outcome(case, begun, fault.to_string(), verdict, &fork))
     }
 
     fn run_system(

@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 
 use super::{GLITCHES, Kind, Phase, SoundKind, SystemKind};
 use crate::bno055::FaultKind;
+use crate::lsm6ds3;
 use crate::named_enum::named_enum;
 
 named_enum! {
@@ -44,7 +45,10 @@ impl Plan {
         let sensor = FaultKind::ALL.into_iter().map(Kind::Sensor);
         let system = SystemKind::ALL.into_iter().map(Kind::System);
         match self {
-            Self::Faults if phase == Phase::Flight => sensor.chain(system).collect(),
+            Self::Faults if phase == Phase::Flight => {
+                let onboard = lsm6ds3::Fault::ALL.into_iter().map(Kind::Onboard);
+                sensor.chain(system).chain(onboard).collect()
+            }
             Self::Faults => system.collect(),
             Self::Glitches => GLITCHES.map(Kind::Sensor).to_vec(),
             Self::Resets => {

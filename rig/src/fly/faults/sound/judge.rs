@@ -277,6 +277,7 @@ mod tests {
     use super::*;
     use crate::inertial::Refresh;
     use crate::observe::ground_truth::Burst;
+    use tvc_nano::sensor::Kind;
 
     /// A second of a sound vehicle, with what is to be wrong in it.
     struct Sound {
@@ -296,6 +297,7 @@ mod tests {
             let mut truth = GroundTruth::default();
             for time in (10..1000).step_by(10) {
                 truth.bursts.push(Burst {
+                    sensor: Kind::Bno055,
                     start: ms(time - 5),
                     acknowledged: ms(time - 5),
                     end: ms(time),
