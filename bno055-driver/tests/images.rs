@@ -100,8 +100,9 @@ fn one_million_random_images_decode() {
         }
     }
     assert_eq!(judged, 1_000_000);
-    // Single sensors have few checks to fail; noise over nine words hardly ever passes.
-    assert!(believed < 200_000, "{believed}");
+    // Single sensors have few checks to fail, and a driver that has been renewed has no burst to
+    // compare with; noise over nine words hardly ever passes.
+    assert!(believed < 300_000, "{believed}");
 }
 
 /// Random answers and errors to everything, from power-on: the driver goes on, and waits only for

@@ -9,9 +9,12 @@ pub const GLITCH_US: u64 = 60_000;
 /// After this many bad samples in a row, the sensor is set up anew. If they are zeros it has reset
 /// itself, whatever its registers say.
 const BAD_SAMPLES_MAX: u8 = 3;
-/// What a bad sample, or a register that read wrong, adds to a leaky bucket, from which a good
-/// burst of all sensors takes 1. No sound burst is bad.
-const WRONG_WEIGHT: u8 = 4;
+/// What a bad sample adds to a leaky bucket, from which a good burst of all sensors takes 1. No sound
+/// burst is bad.
+const WRONG_WEIGHT: u8 = 5;
+/// What a register that read wrong adds, and a burst of zeros, which a register shows to be those of
+/// a reset.
+const REGISTER_WEIGHT: u8 = 4;
 /// What a suspect burst adds.
 const SUSPECT_WEIGHT: u8 = 3;
 /// What a burst of a board that rattles adds.
@@ -19,8 +22,8 @@ const RATTLE_WEIGHT: u8 = 2;
 /// What ones in a part of a burst add: a glitch of the cable makes three such bursts.
 const ONES_WEIGHT: u8 = 2;
 /// At this level of the bucket the sensor is set up anew: the good samples are not to be believed
-/// either, because flipped bits that are too small to be noticed come with those that are. Three
-/// bad samples reach it if at most three good ones lie between them, and so do four suspect bursts,
+/// either, because flipped bits that are too small to be noticed come with those that are. Two
+/// bad samples reach it if at most one good one lies between them, and so do four suspect bursts,
 /// or three in a row.
 const UNRELIABLE_MAX: u8 = 9;
 
@@ -199,7 +202,7 @@ impl Trust {
                 health.mismatched = health.mismatched.wrapping_add(1);
                 if core::mem::replace(&mut self.mismatched, true) {
                     Verdict::Restart(fault)
-                } else if self.distrust(WRONG_WEIGHT) {
+                } else if self.distrust(REGISTER_WEIGHT) {
                     Verdict::Restart(SensorFault::Unreliable)
                 } else {
                     Verdict::Bad(fault)
@@ -250,12 +253,13 @@ impl Trust {
     /// Counts a bad sample; after too many, the sensor is set up anew.
     fn bad_sample(&mut self, fault: SensorFault) -> Verdict {
         self.bad_samples = self.bad_samples.saturating_add(1);
-        let unreliable = self.distrust(WRONG_WEIGHT);
-        if fault == SensorFault::AllZero {
+        let unreliable = if fault == SensorFault::AllZero {
             self.suspect_reset();
+            self.distrust(REGISTER_WEIGHT)
         } else {
             self.doubt();
-        }
+            self.distrust(WRONG_WEIGHT)
+        };
         let most = match fault {
             SensorFault::Frozen => 1,
             _ => BAD_SAMPLES_MAX,
