@@ -203,16 +203,19 @@ impl<'a> Application<'a> {
         if let Some(reading) = reading {
             self.step(now, reading, board);
         }
+        let mut has_heard = false;
         // The sensor's reply is nothing for the host.
         if !matches!(event, Event::Reply(_)) {
             // An order takes up to 2 ms: it waits for the step of a burst that is under way.
             let may_obey =
                 event != Event::Nothing || !self.sensor.is_sampling() || board.bus() != Bus::Busy;
-            self.exchange(now, may_obey, board);
+            has_heard = self.exchange(now, may_obey, board);
         }
         self.guard.close(self.flight, board);
-        // A transfer that is missing may be one to give up. A save waits for the bus to be free.
+        // A transfer that is missing may be one to give up. A save waits for the bus to be free, and
+        // behind a packet there may be another.
         let is_calm = !self.ask_sensor(now, board)
+            && !has_heard
             && self.sensor.is_sampling()
             && event != Event::Missed
             && !self.telemetry.has_storage_order();
@@ -351,9 +354,10 @@ impl<'a> Application<'a> {
         }
     }
 
-    /// Take what the host has sent, and give it what it has room for.
+    /// Take what the host has sent, and give it what it has room for. Says whether it had sent
+    /// something.
     #[inline(never)]
-    fn exchange(&mut self, now: Micros, may_obey: bool, board: &mut impl Board) {
+    fn exchange(&mut self, now: Micros, may_obey: bool, board: &mut impl Board) -> bool {
         let port = board.poll_port(now, self.flight.state().is_armed());
         let open = match port {
             Port::Absent => false,
@@ -365,10 +369,12 @@ impl<'a> Application<'a> {
             // A new listener hears the state again.
             self.telemetry.restart();
         }
+        let mut has_heard = false;
         if open && may_obey {
             let mut packet = [0; PACKET_BYTES];
             let packet = copy(board.read(), &mut packet);
-            if !packet.is_empty() {
+            has_heard = !packet.is_empty();
+            if has_heard {
                 self.open(board);
                 self.telemetry.receive(now, packet, self.flight);
                 self.choose_sensor(board);
@@ -382,7 +388,7 @@ impl<'a> Application<'a> {
             }
             // Nobody listens: whoever comes next wants the present, not the past.
             self.telemetry.sent(self.telemetry.pending().len());
-            return;
+            return false;
         }
         // The processor stands still while it writes flash: a burst under way would be cut in two.
         if self.has_piece_to_save() && matches!(board.bus(), Bus::Free | Bus::Broken) {
@@ -408,6 +414,7 @@ impl<'a> Application<'a> {
         }
         let count = board.write(self.telemetry.pending());
         self.telemetry.sent(count);
+        has_heard
     }
 }
 

@@ -382,12 +382,22 @@ fn of_two_sensors_one_that_lies_is_noticed() {
             most_rad = most_rad.max(tilt_rad.abs());
             assert!(rig.now() < now + ms(20_000), "not noticed");
         }
-        println!(
-            "onboard {onboard}: {} s, {} deg",
-            (rig.now() - now).as_secs_f64(),
-            most_rad.to_degrees()
-        );
         assert!(most_rad < 5.0_f64.to_radians(), "onboard {onboard}: {most_rad} rad");
         assert!(station.last_text().is_some_and(|text| text.contains("disagree")));
     }
+}
+
+/// A host sends 400 orders a second for 4 s, far more than there are steps. They are heard about as
+/// fast as they come.
+#[test]
+fn orders_that_come_fast_keep_nothing_waiting() {
+    let setup = Setup::with_polarity(ServoKind::S3003, 1);
+    let mut ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
+    let Ready { rig, station, .. } = &mut ready;
+    station.arm(rig).unwrap();
+    for _ in 0..1600 {
+        station.request_save(rig);
+        station.run(rig, Ticks::from_us(2500)).unwrap();
+    }
+    assert!(rig.chip.usb_host.unsent() < 1000, "{} bytes", rig.chip.usb_host.unsent());
 }
