@@ -212,8 +212,8 @@ impl<'a> Application<'a> {
             has_heard = self.exchange(now, may_obey, board);
         }
         self.guard.close(self.flight, board);
-        // A transfer that is missing may be one to give up. A save waits for the bus to be free, and
-        // behind a packet there may be another.
+        // A transfer that is missing may be one to give up. A save waits for the bus to be free,
+        // and behind a packet there may be another.
         let is_calm = !self.ask_sensor(now, board)
             && !has_heard
             && self.sensor.is_sampling()

@@ -234,8 +234,8 @@ parameters! {
     srv_rate_hz: "SRV_RATE_HZ", "Hz", OneOf(&[50.0, 100.0, 200.0, 300.0, 333.0]), 50.0, Disarmed;
     /// speed of the sensor bus; 100 for a cable of more than 1 m
     i2c_khz: "I2C_KHZ", "kHz", OneOf(&[100.0, 400.0]), 400.0, Disarmed;
-    /// sensor that flies: 0 a BNO055; 1 the LSM6DS3 of the Nano 33 IoT; 2 the BNO055, with the LSM6DS3
-    /// standing by. Calibrate after a change
+    /// sensor that flies: 0 a BNO055; 1 the LSM6DS3 of the Nano 33 IoT; 2 the BNO055, with the
+    /// LSM6DS3 standing by. Calibrate after a change
     sensor: "SENSOR", "", OneOf(&[0.0, 1.0, 2.0]), 0.0, Disarmed;
     /// FINE of the clock as USB disciplined it, for starts without; set by the vehicle, -1 unknown
     clk_fine: "CLK_FINE", "", Between(-1.0, 1023.0), -1.0, Measured;

@@ -1,13 +1,13 @@
 //! What the firmware knows of a sensor that stands by, beside one that flies.
 //!
-//! They sit on one body, so that they turn alike. What the LSM6DS3 reads is turned into the BNO055's
-//! axes, and the mean difference of the two is added: that is what the BNO055 would have read, its
-//! offsets included. So the calibration is the BNO055's alone, and the attitude goes on when the
-//! sensor that flies fails: its next sample comes from the other.
+//! They sit on one body, so that they turn alike. What the LSM6DS3 reads is turned into the
+//! BNO055's axes, and the mean difference of the two is added: that is what the BNO055 would have
+//! read, its offsets included. So the calibration is the BNO055's alone, and the attitude goes on
+//! when the sensor that flies fails: its next sample comes from the other.
 //!
-//! The difference is followed while the vehicle is disarmed, and slowly in the air. On the ground the
-//! sensors disagree where the difference is larger than sound sensors have. In the air they disagree
-//! where an angle gathers between the two: the offset of one wanders.
+//! The difference is followed while the vehicle is disarmed, and slowly in the air. On the ground
+//! the sensors disagree where the difference is larger than sound sensors have. In the air they
+//! disagree where an angle gathers between the two: the offset of one wanders.
 
 use tvc_imu::{Micros, RawSample, Refresh, Sample, SensorFault};
 

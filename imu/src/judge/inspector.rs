@@ -21,10 +21,12 @@
 //!
 //! A wrong bit in the midst of a word looks like a motion. Bursts with features that are rare in a
 //! sound burst are [suspect](Evidence::Suspect). After several suspect or refused bursts in a short
-//! time, the driver sets the chip up anew. Rates that jump to and fro on a board that was struck are
-//! not suspect: it rattles. A vibration crosses -1 often. The next burst tells such
-//! a crossing, which clears the suspicion, from a word that comes back. A field has no range and no
-//! limit to its jumps: a magnet that passes moves it as far and as fast as a wrong bit.
+//! time, the driver sets the chip up anew. A board that was struck [rattles](Evidence::Rattle): its
+//! rates jump to and fro while its accelerations jump, which counts less.
+//!
+//! A vibration crosses -1 often. The next burst tells such a crossing, which clears the suspicion,
+//! from a word that comes back. A field has no range and no limit to its jumps: a magnet that passes
+//! moves it as far and as fast as a wrong bit.
 
 use super::still::Still;
 use crate::{Micros, RawSample, SensorFault};

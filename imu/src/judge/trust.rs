@@ -9,11 +9,11 @@ pub const GLITCH_US: u64 = 60_000;
 /// After this many bad samples in a row, the sensor is set up anew. If they are zeros it has reset
 /// itself, whatever its registers say.
 const BAD_SAMPLES_MAX: u8 = 3;
-/// What a bad sample adds to a leaky bucket, from which a good burst of all sensors takes 1. No sound
-/// burst is bad.
+/// What a bad sample adds to a leaky bucket, from which a good burst of all sensors takes 1. No
+/// sound burst is bad.
 const WRONG_WEIGHT: u8 = 5;
-/// What a register that read wrong adds, and a burst of zeros, which a register shows to be those of
-/// a reset.
+/// What a register that read wrong adds, and a burst of zeros, which a register shows to be those
+/// of a reset.
 const REGISTER_WEIGHT: u8 = 4;
 /// What a suspect burst adds.
 const SUSPECT_WEIGHT: u8 = 3;
