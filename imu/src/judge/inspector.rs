@@ -25,8 +25,8 @@
 //! rates jump to and fro while its accelerations jump, which counts less.
 //!
 //! A vibration crosses -1 often. The next burst tells such a crossing, which clears the suspicion,
-//! from a word that comes back. A field has no range and no limit to its jumps: a magnet that passes
-//! moves it as far and as fast as a wrong bit.
+//! from a word that comes back. A field has no range and no limit to its jumps: a magnet that
+//! passes moves it as far and as fast as a wrong bit.
 
 use super::still::Still;
 use crate::{Micros, RawSample, SensorFault};
