@@ -132,18 +132,25 @@ fn faults_in_every_phase_leave_the_rudder_at_neutral_and_the_stored_parameters_w
 }
 
 /// A flipped bit of the image is noticed, whether or not it would have done harm, and ends in a
-/// reset with the rudder at neutral.
+/// reset with the rudder at neutral. One of eight may make the program do what the emulated chip
+/// does not model.
 #[test]
 fn a_flipped_bit_of_the_image_is_noticed() {
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
     let campaign = Campaign::new(&ready(), frame_hz, Phase::Flight, 2).unwrap();
+    let mut unmodelled = 0;
     for number in 0..8 {
         let kind = Kind::System(SystemKind::FlashImage);
         let outcome = campaign.run(Case { kind, number }).unwrap();
+        if let Ending::Unmodelled(_) = outcome.verdict.ending {
+            unmodelled += 1;
+            continue;
+        }
         let is_safe = outcome.verdict.ending == Ending::Restarted
             && outcome.verdict.wrong < Ticks::from_ms(100);
         assert!(outcome.verdict.noticed && is_safe, "{outcome:?}");
     }
+    assert!(unmodelled <= 1, "{unmodelled}");
 }
 
 /// What ends in a reset by the firmware itself, by the slowest and the fastest frame and with one

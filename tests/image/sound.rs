@@ -77,7 +77,7 @@ fn a_vehicle_that_is_not_sound_has_alarms() {
     };
     let Alarms { refused, failsafes, .. } = of(Phase::Flight, Fault::GyroDead);
     assert!(refused > 0 && failsafes == 1, "{refused} {failsafes}");
-    let Alarms { refused, lost, .. } = of(Phase::Flight, Fault::Naks { probability: 3e-3 });
+    let Alarms { refused, lost, .. } = of(Phase::Flight, Fault::Naks { probability: 1e-2 });
     assert!(lost > 0 && refused == 0, "{lost} {refused}");
     let Alarms { failsafes, .. } = of(Phase::Armed, Fault::Unplugged);
     assert_eq!(failsafes, 1);
