@@ -7,12 +7,12 @@
 
 use tvc_imu::RawSample;
 
-use crate::sensor::Kind;
+use crate::sensor;
 use crate::words::words;
 
 /// An acceleration beyond this is a blow, counts: three quarters of the range. The filter passes
 /// that much of what clips.
-const BLOW_ACC: u16 = Kind::Bno055.description().acc_range / 4 * 3;
+const BLOW_ACC: u16 = sensor::ACC_RANGE / 4 * 3;
 
 /// How long the accelerometer is left out behind such a sample, us. What shakes so hard shows it
 /// again meanwhile, at any frequency that the sensor's refresh leaves.

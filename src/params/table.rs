@@ -8,7 +8,7 @@ use Range::{Between, OneOf};
 use super::Params;
 use crate::config::{PULSE_MAX_US, PULSE_MIN_US, STRETCH_MAX_US, SYSTEM_ID};
 use crate::format::Decimal;
-use crate::sensor::Kind;
+use crate::sensor;
 
 /// The values that a parameter may take.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -240,7 +240,7 @@ parameters! {
     /// FINE of the clock as USB disciplined it, for starts without; set by the vehicle, -1 unknown
     clk_fine: "CLK_FINE", "", Between(-1.0, 1023.0), -1.0, Measured;
     /// how long the sensor stretches a byte; measured and set by the vehicle itself while disarmed
-    i2c_stretch_us: "I2C_STRETCH_US", "us", Between(0.0, STRETCH_MAX_US as f32), Kind::Bno055.description().stretch_us as f32, Measured;
+    i2c_stretch_us: "I2C_STRETCH_US", "us", Between(0.0, STRETCH_MAX_US as f32), sensor::STRETCH_US as f32, Measured;
     /// sensor's roll in the body, applied first
     mnt_roll_deg: "MNT_ROLL_DEG", "deg", Between(-180.0, 180.0), 0.0, Turning;
     /// sensor's pitch in the body, applied second

@@ -4,7 +4,7 @@
 use embedded_hal::delay::DelayNs;
 use embedded_hal::i2c::{ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
 use embedded_hal::pwm::{self, SetDutyCycle};
-use tvc_imu::{Bursts, BusError, Bytes, READ_MAX, Transfer};
+use tvc_imu::{BusError, Bytes, READ_MAX, Transfer};
 use tvc_nano::servo::PulseUs;
 
 use super::i2c::Bus;

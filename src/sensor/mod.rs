@@ -306,6 +306,12 @@ impl Imu for Sensor {
 /// Units of a count: those of the BNO055.
 pub const SCALE: Scale = bno055::DESCRIPTION.scale;
 
+/// The smallest range of an accelerometer, counts.
+pub const ACC_RANGE: u16 = bno055::DESCRIPTION.acc_range;
+
+/// How long a sensor stretches a byte at most, us, as the vehicle assumes until it has measured it.
+pub const STRETCH_US: u32 = bno055::DESCRIPTION.stretch_us;
+
 /// Counts of 1 m/s2.
 pub const ACC_COUNTS: f32 = 1.0 / SCALE.acc_m_s2;
 /// Counts of 1 deg/s.

@@ -1,7 +1,7 @@
 use super::*;
 
 fn timing(frame_hz: u32, i2c_khz: u32) -> Timing {
-    Timing { sensor: Kind::Bno055, frame_hz, i2c_khz, stretch_us: 180 }
+    Timing { sensor: Kind::default(), frame_hz, i2c_khz, stretch_us: 180 }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! What the sensors of the rig share: from the physical truth to a sample.
 //!
-//! A sensor's model gives [`SignalChain`] the truth in small steps, and takes a [`Sample`] at each
+//! A sensor's model gives the signal chain the truth in small steps, and takes a sample at each
 //! refresh of its registers.
 
 mod imperfections;
