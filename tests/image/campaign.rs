@@ -91,8 +91,7 @@ pub(crate) fn beyond_the_sensor(ready: &Ready, servo: ServoKind) {
             harmless += u32::from(outcome.verdict.harmless);
         }
     }
-    // Where a verification only just fits between two bursts, whatever happens shifts the next pulses
-    // by more than 2 us.
+    // A verification may only just fit between two bursts. Then any fault shifts the next pulses.
     assert!(
         restarted >= 20 && noticed > restarted && harmless >= 5,
         "{restarted} {noticed} {harmless}"
@@ -136,9 +135,8 @@ fn faults_in_every_phase_leave_the_rudder_at_neutral_and_the_stored_parameters_w
     }
 }
 
-/// A flipped bit of the image is noticed, whether or not it would have done harm, and ends in a
-/// reset with the rudder at neutral. One of eight may make the program do what the emulated chip
-/// does not model.
+/// A flipped bit of the image is noticed, whether or not it would have done harm. It ends in a reset
+/// with the rudder at neutral. One of eight may do what the emulated chip does not model.
 #[test]
 fn a_flipped_bit_of_the_image_is_noticed() {
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
