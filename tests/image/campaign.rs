@@ -135,8 +135,8 @@ fn faults_in_every_phase_leave_the_rudder_at_neutral_and_the_stored_parameters_w
     }
 }
 
-/// A flipped bit of the image is noticed, whether or not it would have done harm. It ends in a reset
-/// with the rudder at neutral. One of eight may do what the emulated chip does not model.
+/// A flipped bit of the image is noticed, whether or not it would have done harm. It ends in a
+/// reset with the rudder at neutral. One of eight may do what the emulated chip does not model.
 #[test]
 fn a_flipped_bit_of_the_image_is_noticed() {
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
