@@ -65,12 +65,12 @@ impl Timing {
     pub const DIGITAL: Self = Self { frame_s: 3e-3, ..Self::ANALOGUE };
 
     /// The firmware with an analogue servo: samples at 150 Hz locked to the 50 Hz frame, every
-    /// third one carried by a pulse 5.7 ms later. The sensor's own 100 Hz run free, so that what
+    /// third one carried by a pulse 5.62 ms later. The sensor's own 100 Hz run free, so that what
     /// it shows is 0 to 10 ms old; its gyroscope's 47 Hz filter adds 3.4 ms.
     pub const NANO_50HZ: Self = Self {
         control_s: 20e-3 / 3.0,
         delay_s: 3.4e-3,
-        lead_s: Some(5.7e-3),
+        lead_s: Some(5.62e-3),
         refresh_s: Some(10e-3),
         refresh_phase_s: 5e-3,
         ..Self::ANALOGUE
