@@ -17,7 +17,7 @@ pub(crate) const MEAN_S: f32 = 4.0;
 /// 8 m/s within [`MEAN_S`] has less, too.
 pub(crate) const LEAST: f32 = 0.8;
 
-/// The running mean of the acceleration along the estimated vertical, m/s^2.
+/// The running mean of the acceleration along the estimated vertical, beyond gravity, m/s^2.
 #[derive(Clone, Debug)]
 pub(crate) struct Consistency<T> {
     mean: T,
@@ -25,7 +25,7 @@ pub(crate) struct Consistency<T> {
 
 impl<T: Real> Consistency<T> {
     pub(crate) fn new() -> Self {
-        Self { mean: T::from_f32(GRAVITY) }
+        Self { mean: T::from_f32(0.0) }
     }
 
     /// Takes the specific force of a step of `dt` seconds and half the vertical, body frame. False
@@ -36,9 +36,9 @@ impl<T: Real> Consistency<T> {
         let half_up = -dot(half_down, acc);
         // A blow of many g says no more than a fall or twice gravity.
         let beyond = (half_up + half_up - real(GRAVITY)).limited(real(GRAVITY));
-        let share = dt * (dt + real(MEAN_S)).recip();
-        self.mean += (beyond + real(GRAVITY) - self.mean) * share;
-        let holds = self.mean > real(LEAST * GRAVITY);
+        let share = (dt * real(1.0 / MEAN_S)).limited(real(1.0));
+        self.mean += (beyond - self.mean) * share;
+        let holds = self.mean > real((LEAST - 1.0) * GRAVITY);
         if !holds {
             *self = Self::new();
         }
