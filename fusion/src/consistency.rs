@@ -17,15 +17,21 @@ pub(crate) const MEAN_S: f32 = 4.0;
 /// 8 m/s within [`MEAN_S`] has less, too.
 pub(crate) const LEAST: f32 = 0.8;
 
+/// The mean takes the acceleration of one step of this many.
+const EVERY: u8 = 8;
+
 /// The running mean of the acceleration along the estimated vertical, beyond gravity, m/s^2.
 #[derive(Clone, Debug)]
 pub(crate) struct Consistency<T> {
     mean: T,
+    /// Since the mean took an acceleration, s.
+    elapsed: T,
+    steps: u8,
 }
 
 impl<T: Real> Consistency<T> {
     pub(crate) fn new() -> Self {
-        Self { mean: T::from_f32(0.0) }
+        Self { mean: T::from_f32(0.0), elapsed: T::from_f32(0.0), steps: 0 }
     }
 
     /// Takes the specific force of a step of `dt` seconds and half the vertical, body frame. False
@@ -33,6 +39,12 @@ impl<T: Real> Consistency<T> {
     #[inline(never)]
     pub(crate) fn holds(&mut self, dt: T, half_down: &[T; 3], acc: &[T; 3]) -> bool {
         let real = T::from_f32;
+        self.elapsed += dt;
+        self.steps = (self.steps + 1) % EVERY;
+        if self.steps != 0 {
+            return true;
+        }
+        let dt = core::mem::replace(&mut self.elapsed, real(0.0));
         let half_up = -dot(half_down, acc);
         // A blow of many g says no more than a fall or twice gravity.
         let beyond = (half_up + half_up - real(GRAVITY)).limited(real(GRAVITY));
