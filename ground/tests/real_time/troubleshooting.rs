@@ -35,6 +35,8 @@ fn ready() -> Ready {
         let mut ready = prepare(&image, &setup, &mut |_| {}).unwrap();
         // Stored, so that there is something to lose.
         ready.station.order(&mut ready.rig, request::SAVE).unwrap();
+        // The save has cost samples, which is told for a second.
+        ready.station.run(&mut ready.rig, ms(1500)).unwrap();
         ready
     };
     READY.get_or_init(boot).clone()
