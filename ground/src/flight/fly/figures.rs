@@ -218,7 +218,7 @@ mod tests {
             |f| f.timing.latency_us.mean = 8001.0,
             |f| f.link.lost = 1,
             |f| f.link.crc_errors = 1,
-            |f| f.image.flash = 98_305,
+            |f| f.image.flash = 102_401,
             |f| f.image.static_ram = 24_577,
             |f| f.emulation.simulated_s = 5.8,
         ];
