@@ -107,7 +107,7 @@ def the_loop(flight, tick_cycles, stack):
          f"{loop['cycles_per_step_mean']:,.0f} / {loop['cycles_per_step_max']:,}", ""],
         ["cycles a tick with telemetry streaming, all that runs, 0 wait states", f"{tick_cycles:,.0f}", ""],
         ["core awake, 1 wait state", f"{100 * loop['cpu_load']:.1f} %", ""],
-        ["flash", f"{image['flash_bytes']:,} bytes", "98,304 bytes"],
+        ["flash", f"{image['flash_bytes']:,} bytes", "102,400 bytes"],
         ["stack, worst case",
          f"{stack['worst_bytes']:,} of {stack['room_bytes']:,} bytes ({stack['share_pct']:.1f} %)", "60 %"],
         [f"emulation on a machine with {os.cpu_count()} cores",
