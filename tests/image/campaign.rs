@@ -72,11 +72,11 @@ fn a_run_can_be_repeated() {
 
 #[test]
 fn faults_beyond_the_sensor_never_drive_a_rudder_wrongly_for_long() {
-    beyond_the_sensor(&ready(), ServoKind::S3003);
+    beyond_the_sensor(&ready(), ServoKind::S3003, 20);
 }
 
 /// Beyond the sensor: of every kind a few. docs/reference/campaigns.md has what thousands showed.
-pub(crate) fn beyond_the_sensor(ready: &Ready, servo: ServoKind) {
+pub(crate) fn beyond_the_sensor(ready: &Ready, servo: ServoKind, least_harmless: u32) {
     let campaign = Campaign::new(ready, f64::from(servo.frame_hz()), Phase::Flight, 1).unwrap();
     let (mut restarted, mut noticed, mut harmless) = (0, 0, 0);
     for kind in SystemKind::ALL {
@@ -91,9 +91,8 @@ pub(crate) fn beyond_the_sensor(ready: &Ready, servo: ServoKind) {
             harmless += u32::from(outcome.verdict.harmless);
         }
     }
-    // A verification may only just fit between two bursts. Then any fault shifts the next pulses.
     assert!(
-        restarted >= 20 && noticed > restarted && harmless >= 5,
+        restarted >= 20 && noticed > restarted && harmless >= least_harmless,
         "{restarted} {noticed} {harmless}"
     );
 }

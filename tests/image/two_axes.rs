@@ -204,5 +204,6 @@ fn a_parameter_that_changes_in_flight_costs_no_tick() {
 
 #[test]
 fn faults_beyond_the_sensor_drive_neither_rudder_wrongly_for_long() {
-    beyond_the_sensor(&ready(), ServoKind::S3003);
+    // Verifications of this vehicle only just fit: any fault shifts the next pulses.
+    beyond_the_sensor(&ready(), ServoKind::S3003, 5);
 }
