@@ -2,57 +2,54 @@
 //!
 //! The gains that smooth the accelerations of a motion are slow. An estimate that garbage has
 //! turned over needs half a minute to come back, or longer near half a turn, where the correction
-//! is nearly none. But over some seconds the mean acceleration along the true vertical is gravity,
-//! however the body turns. With a vertical that is wrong by an angle, that mean is gravity times
-//! the angle's cosine at most, and the estimate begins anew.
+//! is nearly none. But a body that does not fall has again and again an acceleration of gravity or
+//! more along its vertical, however it moves. Along a vertical that is wrong by an angle, a calm
+//! body has gravity times the angle's cosine at most. An estimate begins anew after [`LASTING_S`]
+//! of that.
+//!
+//! No mean is taken: blows of many g reach beyond a sensor's range or the limit of the
+//! acceleration, and a mean without them is too low for a sound estimate.
 
 use crate::config::GRAVITY;
 use crate::real::Real;
 use crate::vector::dot;
 
-/// Time of the running mean, s.
-pub(crate) const MEAN_S: f32 = 4.0;
+/// Time without an acceleration of [`LEAST`] along the vertical after which the estimate is wrong,
+/// s. Hands that throw a sensor about leave at most 0.7 s between two such accelerations.
+pub(crate) const LASTING_S: f32 = 4.0;
 
-/// The least mean of a right estimate, in parts of gravity: the cosine of 37 deg. A fall that gains
-/// 8 m/s within [`MEAN_S`] has less, too.
+/// The least acceleration along the vertical, in parts of gravity, that says nothing against the
+/// estimate: the cosine of 37 deg.
 pub(crate) const LEAST: f32 = 0.8;
 
-/// The mean takes the acceleration of one step of this many.
-const EVERY: u8 = 8;
-
-/// The running mean of the acceleration along the estimated vertical, beyond gravity, m/s^2.
+/// Time since the first acceleration of less than [`LEAST`] along the estimated vertical that
+/// none of as much has followed, s.
 #[derive(Clone, Debug)]
-pub(crate) struct Consistency<T> {
-    mean: T,
-    /// Since the mean took an acceleration, s.
-    elapsed: T,
-    steps: u8,
-}
+pub(crate) struct Consistency<T>(Option<T>);
 
 impl<T: Real> Consistency<T> {
     pub(crate) fn new() -> Self {
-        Self { mean: T::from_f32(0.0), elapsed: T::from_f32(0.0), steps: 0 }
+        Self(None)
     }
 
-    /// Takes the specific force of a step of `dt` seconds and half the vertical, body frame. False
-    /// if they have disagreed for so long that the estimate is wrong.
+    /// Whether the last acceleration was less. While it is, [`Self::holds`] wants every step, since
+    /// steps at a regular distance can meet a vibration at the same place of its period.
+    #[inline(always)]
+    pub(crate) fn is_in_doubt(&self) -> bool {
+        self.0.is_some()
+    }
+
+    /// Takes half the vertical, body frame, and the specific force, `dt` seconds after the step
+    /// before; none if it was rejected, which says nothing against the estimate. False if they have
+    /// disagreed for so long that the estimate is wrong.
     #[inline(never)]
-    pub(crate) fn holds(&mut self, dt: T, half_down: &[T; 3], acc: &[T; 3]) -> bool {
-        let real = T::from_f32;
-        self.elapsed += dt;
-        self.steps = (self.steps + 1) % EVERY;
-        if self.steps != 0 {
-            return true;
-        }
-        let dt = core::mem::replace(&mut self.elapsed, real(0.0));
-        let half_up = -dot(half_down, acc);
-        // A blow of many g says no more than a fall or twice gravity.
-        let beyond = (half_up + half_up - real(GRAVITY)).limited(real(GRAVITY));
-        let share = (dt * real(1.0 / MEAN_S)).limited(real(1.0));
-        self.mean += (beyond - self.mean) * share;
-        let holds = self.mean > real((LEAST - 1.0) * GRAVITY);
+    pub(crate) fn holds(&mut self, dt: T, half_down: &[T; 3], acc: Option<&[T; 3]>) -> bool {
+        let least = T::from_f32(-0.5 * LEAST * GRAVITY);
+        let is_less = acc.is_some_and(|acc| dot(half_down, acc) > least);
+        self.0 = is_less.then(|| self.0.unwrap_or(T::ZERO) + dt);
+        let holds = self.0.is_none_or(|time| time.within(T::from_f32(LASTING_S)));
         if !holds {
-            *self = Self::new();
+            self.0 = None;
         }
         holds
     }

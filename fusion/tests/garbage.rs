@@ -1,5 +1,6 @@
 //! Garbage leaves no filter in a wrong attitude: the tilt is right again within 20 s of a motion
-//! without a rest. The long test: `cargo test --release -p tvc-fusion --test garbage -- --ignored`.
+//! without a rest. And what looks like garbage's end is no reason to give up a right attitude:
+//! vibration and blows. The long test: `cargo test --release -p tvc-fusion --test garbage -- --ignored`.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use tvc_fusion::fixed::{self, Counts, Ideal, Scale};
@@ -192,6 +193,41 @@ fn recover(seeds: std::ops::Range<u32>, lengths: &[u32]) {
 #[test]
 fn the_tilt_is_right_within_twenty_seconds_of_garbage() {
     recover(1..4, &[100, 6_000]);
+}
+
+/// The largest error of the tilt, deg, within two minutes of that acceleration along the vertical,
+/// upwards, m/s^2, beside gravity.
+fn worst_when_shaken_deg(filter: fn() -> Box<dyn Subject>, upwards: impl Fn(f64) -> f64) -> f64 {
+    let (mut filter, mut body) = (filter(), Body::new());
+    let mut off_deg = 0.0f64;
+    for _ in 0..12_000 {
+        let [rates, acc, mag] = body.measure();
+        // The start-up wants half a minute without.
+        let upwards = if body.time_s < 30.0 { 0.0 } else { upwards(body.time_s) };
+        let estimate = filter.update(&[rates, acc * (1.0 + upwards / 9.806_65), mag]);
+        if body.time_s > 30.0 {
+            off_deg = off_deg.max(body.tilt_error_deg(&estimate));
+        }
+    }
+    off_deg
+}
+
+#[test]
+fn vibration_and_blows_leave_a_right_attitude() {
+    for (name, filter, _) in FILTERS {
+        // Close to multiples of the rates at which something is looked at every few samples.
+        for hz in [0.9, 4.01, 8.0, 12.5, 12.52, 16.0, 24.03, 25.0, 37.5, 49.97] {
+            let swing = |t: f64| 30.0 * (2.0 * std::f64::consts::PI * hz * t).sin();
+            let off_deg = worst_when_shaken_deg(filter, swing);
+            assert!(off_deg < 8.0, "{name}, {hz} Hz: {off_deg} deg");
+        }
+        // A tenth of the time five times gravity.
+        for every_s in [0.25, 0.5, 1.0, 2.0] {
+            let blow = |t: f64| if t % every_s < 0.1 * every_s { 39.2 } else { -4.36 };
+            let off_deg = worst_when_shaken_deg(filter, blow);
+            assert!(off_deg < 8.0, "{name}, a blow every {every_s} s: {off_deg} deg");
+        }
+    }
 }
 
 /// 2 * 10^8 samples of garbage.

@@ -87,6 +87,9 @@ const SHORT_TURN: f32 = 2e-3;
 /// Steps between two updates of the deviations.
 const UNCERTAINTY_STEPS: u8 = 64;
 
+/// Steps between two looks at the acceleration along the vertical, while it is gravity or more.
+const VERTICAL_STEPS: u8 = 64;
+
 /// Age at which a running mean has become as slow as the slowest filter, s.
 pub(crate) const SETTLED_S: f32 = 10.0;
 
@@ -312,16 +315,16 @@ impl<F: Filter> Estimator<F> {
             self.find_bias(&view);
         }
         let is_impossible = F::FINDS_BIAS && !self.rest.allows(&self.bias);
-        if is_impossible || is_eighth && F::CORRECTS && self.is_wrong(&view) {
+        if is_impossible || F::CORRECTS && self.is_wrong(&view) {
             self.begin_anew();
         }
     }
 
     /// Whether the accelerations along the vertical have long been less than gravity.
+    #[inline(always)]
     fn is_wrong(&mut self, view: &View<F::Real>) -> bool {
-        let dt = view.dt * F::Real::from_f32(f32::from(NORM_STEPS));
-        let acc = view.acc.as_ref();
-        acc.is_some_and(|acc| !self.consistency.holds(dt, &view.rows.down, acc))
+        (self.steps.is_multiple_of(VERTICAL_STEPS) || self.consistency.is_in_doubt())
+            && !self.consistency.holds(view.dt, &view.rows.down, view.acc.as_ref())
     }
 
     /// The estimate is wrong: garbage has turned it.

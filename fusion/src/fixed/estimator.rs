@@ -116,10 +116,10 @@ pub struct Estimator<F, S = Late> {
     half_declination: Option<(Q15, Q15)>,
     /// Value of a gyroscope's count, rad/s.
     gyr_rad_s: f32,
-    /// Gravity, counts.
-    gravity: i32,
-    /// Least [`State::upwards`] of a right estimate.
-    least_upwards: i32,
+    /// Least acceleration along the vertical that says nothing against the estimate, counts.
+    least_up: i32,
+    /// Steps in a row with less than that after which the estimate is wrong.
+    low_steps: u32,
 }
 
 impl<F: Filter, S: Sensors> Estimator<F, S> {
@@ -176,8 +176,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             coarse_shift,
             half_declination: half_declination(config.declination_rad)?,
             gyr_rad_s: scale.gyr_rad_s,
-            gravity: per_g as i32,
-            least_upwards: (per_g * consistency::LEAST * (1 << MEAN_LOG2) as f32) as i32,
+            least_up: (per_g * consistency::LEAST) as i32,
+            low_steps: (consistency::LASTING_S / period_s) as u32,
         })
     }
 
@@ -198,7 +198,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             gap: 0,
             last_field: Zeroable::zeroed(),
             rates: [0; 3],
-            upwards: self.gravity << MEAN_LOG2,
+            low_steps: 0,
         }
     }
 
@@ -217,7 +217,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             && state.gap | is_known <= 1
             && mag.iter().all(|part| i16::try_from(*part).is_ok())
             && are_within(&state.rates, MOST_RATE)
-            && (0..=self.gravity << (MEAN_LOG2 + 1)).contains(&state.upwards)
+            && state.low_steps < self.low_steps
     }
 
     /// The orientation, with geographic north if a declination was configured.
@@ -349,7 +349,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         }
         let products = state.rotation.products();
         let down = products.down();
-        if job == rest::VERTICAL {
+        if job == rest::VERTICAL || state.low_steps != 0 {
             self.check_vertical(state, &down, &acc);
         }
         let shift = state.gains.heading.shift & 31;
@@ -424,15 +424,16 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     }
 
     /// Begins anew where the accelerations along the estimated vertical have long been less than
-    /// gravity, as the float filters do (`consistency`). Takes one sample a block.
+    /// gravity, as the float filters do (`consistency`). Takes one sample a block, and from one that
+    /// is less on every sample.
     #[inline(always)]
     fn check_vertical(&self, state: &mut State, down: &[Q15; 3], acc: &[i32; 3]) {
         let up = -((down[0] * acc[0] + down[1] * acc[1] + down[2] * acc[2]) >> 15);
-        // A blow of many g says no more than a fall or twice gravity. No acceleration says nothing.
-        let up = if *acc == [0; 3] { self.gravity } else { up.max(0).min(2 * self.gravity) };
-        state.upwards += up - (state.upwards >> MEAN_LOG2);
-        if state.upwards < self.least_upwards {
-            state.upwards = self.gravity << MEAN_LOG2;
+        // No acceleration says nothing against the estimate.
+        let is_low = *acc != [0; 3] && up < self.least_up;
+        state.low_steps = if is_low { state.low_steps + 1 } else { 0 };
+        if state.low_steps == self.low_steps {
+            state.low_steps = 0;
             self.level(state);
         }
     }
@@ -490,10 +491,6 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         (dt_us >> (self.coarse_shift & 31), self.turn_shift - self.coarse_shift)
     }
 }
-
-/// Logarithm of the blocks in the running mean of the acceleration along the vertical: some four
-/// seconds.
-const MEAN_LOG2: u32 = 4;
 
 /// Largest plausible rate less its offset, counts.
 const MOST_RATE: i32 = 1 << 16;
