@@ -16,7 +16,7 @@ use crate::vector::dot;
 
 /// Time without an acceleration of [`LEAST`] along the vertical after which the estimate is wrong,
 /// s. Hands that throw a sensor about leave at most 0.7 s between two such accelerations.
-pub(crate) const LASTING_S: f32 = 4.0;
+pub(crate) const LASTING_S: f32 = 3.0;
 
 /// The least acceleration along the vertical, in parts of gravity, that says nothing against the
 /// estimate: the cosine of 37 deg.

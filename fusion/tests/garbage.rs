@@ -149,9 +149,9 @@ type Named = (&'static str, fn() -> Box<dyn Subject>, f64);
 
 const FILTERS: [Named; 9] = [
     ("vqf", float::<Vqf>, 5.5),
-    ("mahony", float::<Mahony>, 5.5),
+    ("mahony", float::<Mahony>, 6.0),
     ("madgwick", float::<Madgwick>, 5.5),
-    ("complementary", float::<Complementary>, 5.5),
+    ("complementary", float::<Complementary>, 6.0),
     ("kalman", float::<Kalman>, 12.0),
     ("vqf, fixed", fixed::<fixed::Vqf>, 5.5),
     ("mahony, fixed", fixed::<fixed::Mahony>, 5.5),

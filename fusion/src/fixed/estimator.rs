@@ -338,8 +338,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         S::keep_rates(&mut state.rates, &gyr, &state.rotation.bias);
         let (acc, mag) = self.sensors.now(&state.rates, (acc, mag));
 
-        // Heading correction is skipped in steps that are long or run housekeeping, to bound the
-        // worst-case cycles.
+        // Heading correction is skipped in steps that are long, run housekeeping or check the
+        // vertical, to bound the worst-case cycles.
         let busy = long
             || job <= rest::VERTICAL
             || state.compass.is_due()
@@ -349,11 +349,12 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         }
         let products = state.rotation.products();
         let down = products.down();
-        if job == rest::VERTICAL || state.low_steps != 0 {
+        let checks = job == rest::VERTICAL || !busy && state.low_steps != 0;
+        if checks {
             self.check_vertical(state, &down, &acc);
         }
         let shift = state.gains.heading.shift & 31;
-        let heading = mag.as_ref().filter(|_| !busy).map(|mag| {
+        let heading = mag.as_ref().filter(|_| !busy && !checks).map(|mag| {
             let tick = state.rest.tick();
             let samples = tick.wrapping_sub(state.heading_tick).min(4 << shift) as i32;
             state.heading_tick = tick;
