@@ -338,8 +338,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         S::keep_rates(&mut state.rates, &gyr, &state.rotation.bias);
         let (acc, mag) = self.sensors.now(&state.rates, (acc, mag));
 
-        // Heading correction is skipped in steps that are long, run housekeeping or check the
-        // vertical, to bound the worst-case cycles.
+        // Heading correction is skipped in steps that are long or run housekeeping, to bound the
+        // worst-case cycles.
         let busy = long
             || job <= rest::VERTICAL
             || state.compass.is_due()
@@ -349,12 +349,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         }
         let products = state.rotation.products();
         let down = products.down();
-        let checks = job == rest::VERTICAL || !busy && state.low_steps != 0;
-        if checks {
-            self.check_vertical(state, &down, &acc);
-        }
         let shift = state.gains.heading.shift & 31;
-        let heading = mag.as_ref().filter(|_| !busy && !checks).map(|mag| {
+        let heading = mag.as_ref().filter(|_| !busy).map(|mag| {
             let tick = state.rest.tick();
             let samples = tick.wrapping_sub(state.heading_tick).min(4 << shift) as i32;
             state.heading_tick = tick;
@@ -370,6 +366,9 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         pending[0] += tilt[0] + ((turn * down[0]) >> shift);
         pending[1] += tilt[1] + ((turn * down[1]) >> shift);
         pending[2] += tilt[2] + ((turn * down[2]) >> shift);
+        if job == rest::VERTICAL || !busy && state.low_steps != 0 {
+            self.check_vertical(state, &down, &acc);
+        }
     }
 
     /// Take one sample of a body in free flight, `dt_us` after the sample before: the rates alone
