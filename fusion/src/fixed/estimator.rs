@@ -177,7 +177,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             half_declination: half_declination(config.declination_rad)?,
             gyr_rad_s: scale.gyr_rad_s,
             least_up: (per_g * consistency::LEAST) as i32,
-            low_steps: (consistency::LASTING_S / period_s) as u32,
+            low_steps: (CHECKED * consistency::LASTING_S / period_s) as u32,
         })
     }
 
@@ -491,6 +491,9 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         (dt_us >> (self.coarse_shift & 31), self.turn_shift - self.coarse_shift)
     }
 }
+
+/// Share of the steps that check the vertical while it is in doubt: all without housekeeping.
+const CHECKED: f32 = 0.7;
 
 /// Largest plausible rate less its offset, counts.
 const MOST_RATE: i32 = 1 << 16;
