@@ -239,7 +239,8 @@ impl<'a> Application<'a> {
         if self.flight.catch_up() {
             self.guard.open_settings();
         }
-        let status = &board.status();
+        let standby_imu = self.sensor.standby_is_ready(now);
+        let status = &BoardStatus { standby_imu, ..board.status() };
         if let Some(index) = self.flight.learn(status) {
             self.guard.open_settings();
             self.telemetry.report_param(index, self.flight.params());

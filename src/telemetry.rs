@@ -78,6 +78,8 @@ pub use version::Identity;
 const MAX_PAYLOAD: usize = 51;
 /// What HEARTBEAT says of the protocol.
 const MAVLINK_VERSION: u32 = 3;
+/// Heartbeats for which a sensor that should stand by may be missing: a start takes four.
+const STANDBY_PATIENCE: u8 = 10;
 /// Header and checksum.
 const OVERHEAD: usize = 10 + 2;
 
@@ -110,6 +112,8 @@ pub struct Telemetry {
     memory_due: bool,
     /// The host has been told of the magnetometer whether it measures a field.
     field_told: bool,
+    /// Heartbeats in a row without the sensor that should stand by.
+    standby_missing: u8,
     /// Next parameter of a list under way.
     list: Option<usize>,
     /// The next mode to tell of, and where that ends.
@@ -144,6 +148,7 @@ impl Telemetry {
             fresh: 0,
             memory_due: false,
             field_told: true,
+            standby_missing: 0,
             list: None,
             modes: (0, 0),
             storage: None,
@@ -171,6 +176,7 @@ impl Telemetry {
             fresh: _,
             memory_due,
             field_told,
+            standby_missing,
             list,
             modes,
             storage,
@@ -192,6 +198,7 @@ impl Telemetry {
         *refused = None;
         *saving = None;
         (*modes, *memory_due, *field_told) = ((0, 0), false, true);
+        *standby_missing = 0;
     }
 
     /// Queue the messages of a step.
@@ -224,6 +231,7 @@ impl Telemetry {
             self.heartbeat_at = Some(snapshot.now);
             self.bus_status(snapshot, fresh, board);
             self.uncertainty(snapshot, flight);
+            self.watch_standby(board);
             match (&snapshot.state, snapshot.fault) {
                 (State::Boot, Some(fault)) => self.warn(format_args!("{fault}")),
                 // Who begins to listen now is to know why.
@@ -379,7 +387,11 @@ impl Telemetry {
             | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_ACCEL;
         let magnetometer = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_MAG;
         let has_mag = flight.params().sensor_kind().description().has_mag;
-        let sensors = if has_mag { inertial | magnetometer } else { inertial };
+        let second = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO2
+            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_ACCEL2;
+        let mut sensors = inertial;
+        sensors.set(magnetometer, has_mag);
+        sensors.set(second, board.standby_imu.is_some());
         let attitude = MavSysStatusSensor::MAV_SYS_STATUS_AHRS;
         let control = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_ATTITUDE_STABILIZATION;
         let readiness = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
@@ -391,6 +403,7 @@ impl Telemetry {
         let mut health = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
         health.set(inertial, snapshot.sensor_healthy);
         health.set(magnetometer, snapshot.sensor_healthy && snapshot.field_healthy);
+        health.set(second, board.standby_imu == Some(true));
         health.set(attitude, snapshot.sensor_healthy && snapshot.settled);
         health.set(control, !matches!(snapshot.state, State::Failsafe(_)));
         let is_ready = snapshot.state.is_armed() || flight.may(snapshot.now, Command::Arm).is_ok();
@@ -431,6 +444,15 @@ impl Telemetry {
         let [time_low, time_high] = halves(snapshot.now);
         let words = [time_low, time_high, mean_us, max_us, fresh, BUS_NAME[0], BUS_NAME[1]];
         self.send_words::<DEBUG_VECT_DATA>(Priority::Event, &words);
+    }
+
+    /// A sensor that should stand by and cannot fly is told once.
+    fn watch_standby(&mut self, board: &BoardStatus) {
+        let is_missing = board.standby_imu == Some(false);
+        self.standby_missing = if is_missing { self.standby_missing.saturating_add(1) } else { 0 };
+        if self.standby_missing == STANDBY_PATIENCE {
+            self.warn(format_args!("second IMU does not stand by"));
+        }
     }
 
     /// A magnetometer that stops measuring, or begins again, is told once.

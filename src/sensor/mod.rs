@@ -140,6 +140,11 @@ impl Sensor {
         }
     }
 
+    /// Whether the sensor that stands by could fly from the next tick on; `None` if there is none.
+    pub fn standby_is_ready(&self, now: Micros) -> Option<bool> {
+        self.standby.as_ref().map(|standby| standby.is_ready(now))
+    }
+
     /// While the vehicle is armed, what two sensors differ by stays.
     pub fn hold_offsets(&mut self, holds: bool) {
         if let Some(standby) = &mut self.standby {

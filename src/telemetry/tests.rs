@@ -139,18 +139,20 @@ pub(crate) fn peek(address: u32) -> Vec<u8> {
 struct Link {
     desk: Desk,
     telemetry: Telemetry,
+    board: BoardStatus,
 }
 
 impl Link {
     fn new(desk: Desk) -> Self {
-        let mut link = Self { desk, telemetry: Telemetry::default() };
+        let board = BoardStatus::default();
+        let mut link = Self { desk, telemetry: Telemetry::default(), board };
         link.record_step();
         take(&mut link.telemetry);
         link
     }
 
     fn record(&mut self, snapshot: &Snapshot) {
-        self.telemetry.record(snapshot, &self.desk.flight, 0, &BoardStatus::default());
+        self.telemetry.record(snapshot, &self.desk.flight, 0, &self.board);
     }
 
     fn record_step(&mut self) {
@@ -232,6 +234,34 @@ fn heartbeat_and_status_come_once_a_second() {
     assert_eq!(count(&messages, HEARTBEAT_DATA::ID), 10);
     assert_eq!(count(&messages, SYS_STATUS_DATA::ID), 10);
     assert_eq!(link.telemetry.dropped(), 0);
+}
+
+/// A start leaves it four seconds; then a sensor that should stand by is told once each time.
+#[test]
+fn a_missing_second_sensor_is_told_once_and_shows_in_the_status() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let mut seconds = |standby_imu, seconds: u32| {
+        link.board.standby_imu = standby_imu;
+        let mut messages = Vec::new();
+        for _ in 0..100 * seconds {
+            link.record_step();
+            messages.extend(take(&mut link.telemetry));
+        }
+        let status = messages.iter().rev().find_map(|message| match message {
+            MavMessage::SYS_STATUS(status) => Some(status),
+            _ => None,
+        });
+        let second = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO2;
+        let shows = status.map(|status| {
+            [status.onboard_control_sensors_present, status.onboard_control_sensors_health]
+                .map(|sensors| sensors.contains(second))
+        });
+        (texts(&messages).len(), shows.unwrap())
+    };
+    assert_eq!(seconds(None, 20), (0, [false, false]));
+    assert_eq!(seconds(Some(false), 4), (0, [true, false]));
+    assert_eq!(seconds(Some(true), 10), (0, [true, true]));
+    assert_eq!(seconds(Some(false), 30), (1, [true, false]));
 }
 
 #[test]

@@ -14,15 +14,12 @@ fn image(folder: &std::path::Path) -> PathBuf {
     path
 }
 
-/// Name, result and what was found of each row, on parts that differ by `hardware`.
-fn rows(image: &str, hardware: &str) -> (Option<i32>, Vec<[String; 3]>) {
-    let mut rig = format!("--rig=--image {image}");
-    if !hardware.is_empty() {
-        rig += &format!(" --hardware {hardware}");
-    }
-    let output = tvc(&["bringup", &rig, "--json"]);
+/// Name, result and what was found of each row, on a rig with these options.
+fn rows(image: &str, options: &str) -> (Option<i32>, Vec<[String; 3]>) {
+    let rig = format!("--rig=--image {image} {options}");
+    let output = tvc(&["bringup", rig.trim_end(), "--json"]);
     let told: Value = serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|error| panic!("{hardware}: {error}: {}", said(&output)));
+        .unwrap_or_else(|error| panic!("{options}: {error}: {}", said(&output)));
     let rows =
         told["rows"].as_array().unwrap().iter().map(|row| {
             ["check", "result", "found"].map(|key| row[key].as_str().unwrap().to_owned())
@@ -47,6 +44,10 @@ fn each_planted_difference_shows_in_its_own_row_alone() {
     assert_eq!(status, Some(0));
     let skipped = all.iter().filter(|[_, result, _]| result == "skipped");
     assert_eq!(skipped.map(|row| row[0].as_str()).collect::<Vec<_>>(), ["gyro scale"]);
+    for sensor in ["lsm6ds3", "both"] {
+        let (status, all) = rows(image, &format!("--sensor {sensor}"));
+        assert_eq!((strange(&all), status), (vec![], Some(0)), "{sensor}: {all:#?}");
+    }
 
     for (hardware, check, result) in [
         ("clock=-3.1", "free clock", "differ"),
@@ -63,7 +64,7 @@ fn each_planted_difference_shows_in_its_own_row_alone() {
         ("bootloader=uf2", "bootloader", "differ"),
         ("user-row=bootprot", "fuses", "differ"),
     ] {
-        let (status, all) = rows(image, hardware);
+        let (status, all) = rows(image, &format!("--hardware {hardware}"));
         assert_eq!(strange(&all), [(check, result)], "{hardware}: {all:#?}");
         assert_eq!(status, Some(1), "{hardware}");
     }

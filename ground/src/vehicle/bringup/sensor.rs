@@ -1,11 +1,13 @@
 //! The rows about the sensor and its bus, by what the vehicle streams.
 
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use anyhow::Result;
-use mavlink::dialects::common::RAW_IMU_DATA;
+use mavlink::dialects::common::{MavSysStatusSensor, RAW_IMU_DATA};
 use nalgebra::Vector3;
 use tvc_nano::bringup::What;
+use tvc_nano::sensor::Kind;
 
 use super::row::{Check, Row, checks};
 use super::session::{Heard, Session};
@@ -15,6 +17,9 @@ checks! {
     SENSOR "sensor":
         "nothing usable from the sensor: the state's reason says what; look at power, SDA, SCL \
          and, on a clone, at S0 and S1, which must choose I2C";
+    SECOND "second sensor":
+        "with SENSOR 2 one of the two sensors gives nothing usable: set SENSOR to the other, 0 or 1, \
+         to see its reason";
     ADDRESS "address":
         "the firmware takes either address; on clones an open address pin gives 0x29";
     STOP "stop":
@@ -40,6 +45,42 @@ checks! {
         "the gyroscope does not turn as far as gravity does: its range is not what was set";
 }
 
+/// What a sound sensor of a kind shows.
+struct Expected {
+    /// Its 7-bit address.
+    address: u32,
+    /// Times for which it holds the clock, us: before a STOP, and in each byte.
+    stop_us: RangeInclusive<f64>,
+    stretch_us: RangeInclusive<f64>,
+    /// Longest burst, us.
+    burst_us: f32,
+    /// New data that are seen in a second, of accelerations and rates. Accelerations are read at
+    /// two of three ticks only, so that a part of their refreshes goes unseen.
+    acc_hz: RangeInclusive<f64>,
+    gyr_hz: RangeInclusive<f64>,
+}
+
+/// Of 100 refreshes a second some 48 to 60 are seen in the accelerations, by the length of the
+/// bursts, of 50 some 43.
+const BNO055: Expected = Expected {
+    address: 0x28,
+    stop_us: 120.0..=240.0,
+    stretch_us: 150.0..=210.0,
+    burst_us: 5300.0,
+    acc_hz: 45.0..=105.0,
+    gyr_hz: 80.0..=105.0,
+};
+
+/// It refreshes faster than it is read, but one reading in ten equals the reading before.
+const LSM6DS3: Expected = Expected {
+    address: 0x6A,
+    stop_us: 0.0..=60.0,
+    stretch_us: 0.0..=20.0,
+    burst_us: 900.0,
+    acc_hz: 60.0..=300.0,
+    gyr_hz: 100.0..=300.0,
+};
+
 /// The checks that need samples.
 const OF_SAMPLES: [Check; 8] = [ADDRESS, STOP, STRETCH, BURST, TICKS, REFRESH, FIELD, NOISE];
 
@@ -51,6 +92,8 @@ pub fn rows(session: &mut Session) -> Result<Vec<Row>> {
     let heard = std::mem::take(&mut session.heard);
     let mut rows = Vec::new();
     let rate = session.parameter("SRV_RATE_HZ")?.unwrap_or(50.0);
+    let kind = Kind::of(session.parameter("SENSOR")?.unwrap_or_default());
+    let expected = if kind == Kind::Lsm6ds3 { &LSM6DS3 } else { &BNO055 };
     let stretch = session.parameter("I2C_STRETCH_US")?;
     let Heard { samples, status, bursts, .. } = &heard;
     let state = session.link.client().state_name();
@@ -62,18 +105,33 @@ pub fn rows(session: &mut Session) -> Result<Vec<Row>> {
         rows.push(SENSOR.of("samples", format!("{} samples, {state}", samples.len()), true));
         let summary = session.measure(What::Bus)?.unwrap_or_default();
         let (address, stop) = (summary >> 24, summary & 0xFF_FFFF);
-        rows.push(ADDRESS.of("0x28", format!("{address:#04x}"), address == 0x28));
-        rows.push(STOP.within(stop.into(), 120.0..=240.0, "us"));
+        let found = format!("{address:#04x}");
+        rows.push(ADDRESS.of(
+            format!("{:#04x}", expected.address),
+            found,
+            address == expected.address,
+        ));
+        rows.push(STOP.within(stop.into(), expected.stop_us.clone(), "us"));
         if let Some(us) = stretch {
-            rows.push(STRETCH.within(us.into(), 150.0..=210.0, "us"));
+            rows.push(STRETCH.within(us.into(), expected.stretch_us.clone(), "us"));
         }
-        rows.push(burst(bursts));
+        rows.push(burst(bursts, expected.burst_us));
         rows.push(ticks(samples, rate.into()));
-        rows.push(refresh(samples));
-        rows.push(field(samples));
+        rows.push(refresh(samples, expected));
+        rows.push(if kind.description().has_mag {
+            field(samples)
+        } else {
+            FIELD.skipped("the sensor has no magnetometer")
+        });
         rows.push(noise(samples));
     }
     if let (Some(first), Some(last)) = (status.first(), status.last()) {
+        if kind == Kind::Both {
+            let gyro = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO2;
+            let stands_by = last.onboard_control_sensors_health.contains(gyro);
+            let found = if stands_by { "stands by" } else { "missing" };
+            rows.push(SECOND.of("stands by", found, stands_by));
+        }
         let errors = last.errors_count3.wrapping_sub(first.errors_count3);
         let repairs = last.errors_count4.wrapping_sub(first.errors_count4);
         rows.push(ERRORS.of(
@@ -86,13 +144,12 @@ pub fn rows(session: &mut Session) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-fn burst(bursts: &[[f32; 3]]) -> Row {
-    const EXPECTED: &str = "5300 us at most";
+fn burst(bursts: &[[f32; 3]], most_us: f32) -> Row {
     let Some([mean, longest, _]) = bursts.last() else {
         return BURST.skipped("the vehicle has told none");
     };
     let found = format!("mean {mean:.0} us, longest {longest:.0} us");
-    BURST.of(EXPECTED, found, *longest <= 5300.0)
+    BURST.of(format!("{most_us} us at most"), found, *longest <= most_us)
 }
 
 /// Pairs of samples of successive ticks.
@@ -129,17 +186,20 @@ fn changes(samples: &[RAW_IMU_DATA], of: impl Fn(&RAW_IMU_DATA) -> [i16; 3]) -> 
     changed.into_iter().fold(0.0, f64::max) * 1e6 / f64::max(time_us, 1.0)
 }
 
-/// The magnetometer's is told and not judged: its noise is less than a count. The accelerometer is
-/// read at two of three ticks only, so that a part of its refreshes goes unseen: of 100 a second
-/// some 48 to 60 are seen, by the length of the bursts, of 50 some 43.
-fn refresh(samples: &[RAW_IMU_DATA]) -> Row {
+/// The magnetometer's is told and not judged: its noise is less than a count.
+fn refresh(samples: &[RAW_IMU_DATA], expected: &Expected) -> Row {
     let acc = changes(samples, acceleration);
     let gyr = changes(samples, rate);
     let mag = changes(samples, magnetic);
+    let text = |hz: &RangeInclusive<f64>| format!("{} to {}", hz.start(), hz.end());
     REFRESH.of(
-        "acc 45 to 105, gyr 80 to 105 Hz (equal readings count as one)",
+        format!(
+            "acc {}, gyr {} Hz (equal readings count as one)",
+            text(&expected.acc_hz),
+            text(&expected.gyr_hz)
+        ),
         format!("acc {acc:.0}, gyr {gyr:.0}, mag {mag:.0} Hz or more"),
-        (45.0..=105.0).contains(&acc) && (80.0..=105.0).contains(&gyr),
+        expected.acc_hz.contains(&acc) && expected.gyr_hz.contains(&gyr),
     )
 }
 
