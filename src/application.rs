@@ -250,7 +250,7 @@ impl<'a> Application<'a> {
 
     /// Tell the host and the recorder of a step.
     fn tell(&mut self, snapshot: &Snapshot, status: &BoardStatus) {
-        self.telemetry.record(snapshot, self.flight, self.sensor.fresh(), status);
+        self.telemetry.record(snapshot, self.flight, self.sensor.health().fresh, status);
         self.telemetry.tell_memory(snapshot, self.flight, self.sensor.refresh());
         self.recorder.record(snapshot, self.flight);
         self.telemetry.serve_recorder(self.recorder);

@@ -6,12 +6,13 @@ use crate::config::Config;
 use crate::fusion::{self, FusionSample};
 use crate::request::{Answer, Request};
 use crate::sample;
-use crate::startup::{Goal, Progress, Startup};
+use crate::startup::{Goal, Startup};
 use crate::status::Identity;
 use sampling::{Errand, Sampling};
 use tvc_imu::judge::{Rules, Verdict, Words, received};
+use tvc_imu::pace::{Pace, Progress};
 use tvc_imu::{
-    Bursts, BusError, Health, Imu, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer,
+    Bursts, Imu, Micros, Next, RawSample, Refresh, Report, Sample, SensorFault, Transfer,
     Transferred,
 };
 
@@ -36,12 +37,10 @@ pub struct Driver {
     /// Of the settings.
     rules: Rules,
     phase: Phase,
-    fault: Option<SensorFault>,
-    health: Health,
+    report: Report,
     identity: Identity,
     request: Option<Request>,
     answer: Option<Answer>,
-    refresh: Refresh,
 }
 
 impl Driver {
@@ -51,12 +50,10 @@ impl Driver {
             rules: config.rules(),
             config,
             phase: Phase::Startup(Startup::new(Goal::Sampling, None)),
-            fault: Some(SensorFault::Booting),
-            health: Health::default(),
             identity: Identity::default(),
             request: None,
             answer: None,
-            refresh: Refresh::default(),
+            report: Report::new(Refresh::default()),
         }
     }
 
@@ -95,12 +92,12 @@ impl Driver {
         outcome: Transferred<'_>,
     ) -> Result<FusionSample, SensorFault> {
         let Phase::Sampling(Sampling { trust, .. }) = &mut self.phase else {
-            return Err(self.cause());
+            return Err(self.report.cause());
         };
         let judged = received(outcome, 0).map(|bytes| FusionSample::judge(time, bytes));
         let verdict = match judged {
-            Ok(judged) => trust.fused(&mut self.health, time, judged.map(|_| ())),
-            Err(fault) => trust.silent(&mut self.health, time, fault),
+            Ok(judged) => trust.fused(&mut self.report.health, time, judged.map(|_| ())),
+            Err(fault) => trust.silent(&mut self.report.health, time, fault),
         };
         self.take(time, verdict)?;
         judged.and_then(|judged| judged)
@@ -151,18 +148,13 @@ impl Driver {
     pub fn suspend(&mut self) {
         self.request = None;
         self.phase = Phase::Startup(Startup::new(Goal::Suspended, None));
-        self.fault = Some(SensorFault::Suspended);
+        self.report.fault = Some(SensorFault::Suspended);
     }
 
     /// Sets the chip up again, as after [`suspend`](Self::suspend).
     pub fn resume(&mut self) {
         self.phase = Phase::Startup(Startup::new(Goal::Sampling, self.request_in_config()));
-        self.fault = Some(SensorFault::Booting);
-    }
-
-    /// The counters.
-    pub fn health(&self) -> &Health {
-        &self.health
+        self.report.fault = Some(SensorFault::Booting);
     }
 
     /// Revisions and unique identification, known once the chip has been set up.
@@ -178,16 +170,17 @@ impl Driver {
     /// The sample in the outcome of a burst, and its evidence on the chip.
     fn judge(&mut self, time: Micros, outcome: Transferred<'_>) -> Result<RawSample, SensorFault> {
         let Phase::Sampling(Sampling { trust, .. }) = &mut self.phase else {
-            return Err(self.cause());
+            return Err(self.report.cause());
         };
+        let health = &mut self.report.health;
         let mut words = Words::default();
         // Rates of -1 on all axes come every few seconds at rest, but not after a lost burst.
         let verdict = match trust.received(outcome, sample::RATES.into()) {
             Ok(bytes) => match sample::read(&mut words, &self.config, trust.inspector(), bytes) {
-                Ok(is_whole) => trust.judge(&mut self.health, &self.rules, time, &words, is_whole),
-                Err(fault) => trust.conclude(&mut self.health, time, Err(fault)),
+                Ok(is_whole) => trust.judge(health, &self.rules, time, &words, is_whole),
+                Err(fault) => trust.conclude(health, time, Err(fault)),
             },
-            Err(fault) => trust.silent(&mut self.health, time, fault),
+            Err(fault) => trust.silent(health, time, fault),
         };
         self.take(time, verdict)?;
         match &self.phase {
@@ -203,24 +196,11 @@ impl Driver {
         if let Phase::Sampling(sampling) = &mut self.phase {
             sampling.burst_ended();
         }
-        match verdict {
-            Verdict::Good => {
-                self.fault = None;
-                Ok(())
-            }
-            Verdict::Bad(fault) => {
-                self.fault = Some(fault);
-                Err(fault)
-            }
-            Verdict::Restart(fault) => {
-                self.restart(time, fault);
-                Err(fault)
-            }
+        if let Verdict::Restart(fault) = verdict {
+            self.restart(time, fault);
         }
-    }
-
-    fn cause(&self) -> SensorFault {
-        self.fault.unwrap_or(SensorFault::Booting)
+        self.report.fault = verdict.result().err();
+        verdict.result()
     }
 
     fn answered(&mut self, answer: Answer) {
@@ -232,45 +212,18 @@ impl Driver {
         self.request.filter(|request| request.needs_config())
     }
 
-    fn advance(&mut self, now: Micros, progress: Progress) {
-        let Phase::Startup(startup) = &self.phase else {
-            return;
-        };
-        match progress {
-            Progress::Going => {}
-            Progress::Answered(answer) => self.answered(answer),
-            Progress::Failed(fault) => {
-                if !fault.is_bus() {
-                    self.health.failed_setups = self.health.failed_setups.wrapping_add(1);
-                }
-                self.fault = Some(fault);
-            }
-            Progress::Reached(Goal::Suspended) => {
-                self.fault = Some(SensorFault::Suspended);
-                self.phase = Phase::Suspended;
-            }
-            Progress::Reached(Goal::Sampling) => {
-                self.health.starts = self.health.starts.wrapping_add(1);
-                self.health.setup_us = now.since(startup.began());
-                self.identity = startup.identity;
-                self.fault = None;
-                self.phase = Phase::Sampling(Sampling::new(startup.inspector.clone()));
-            }
-        }
-    }
-
     fn verified(&mut self, now: Micros, outcome: Transferred<'_>) {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return;
         };
         let check = sampling.check();
         let judged = received(outcome, 0).and_then(|bytes| check.judge(bytes, &self.config));
-        let verdict = sampling.trust.verified(&mut self.health, now, judged);
+        let verdict = sampling.trust.verified(&mut self.report.health, now, judged);
         // A register that read wrong is read again at once.
         sampling.due = sampling.trust.is_mismatched();
         match verdict {
             Verdict::Good => sampling.passed(check),
-            Verdict::Bad(fault) if fault.is_bus() => self.fault = Some(fault),
+            Verdict::Bad(fault) if fault.is_bus() => self.report.fault = Some(fault),
             Verdict::Bad(_) => {}
             Verdict::Restart(fault) => self.restart(now, fault),
         }
@@ -281,20 +234,18 @@ impl Driver {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return;
         };
-        self.fault = Some(fault);
-        if let Verdict::Restart(fault) = sampling.trust.silent(&mut self.health, now, fault) {
+        self.report.fault = Some(fault);
+        if let Verdict::Restart(fault) = sampling.trust.silent(&mut self.report.health, now, fault)
+        {
             self.restart(now, fault);
         }
     }
 
     /// Sets the chip up anew, and reports `fault` until it samples again.
     fn restart(&mut self, now: Micros, fault: SensorFault) {
-        if fault == SensorFault::Reset {
-            self.health.resets = self.health.resets.wrapping_add(1);
-        }
-        self.fault = Some(fault);
+        self.report.restarted(fault);
         let mut startup = Startup::new(Goal::Sampling, self.request_in_config());
-        startup.begin(now);
+        startup.pace = Pace::at(now);
         if let Phase::Sampling(sampling) = &self.phase {
             startup.inspector = sampling.trust.inspector().anew();
         }
@@ -305,10 +256,7 @@ impl Driver {
 impl Imu for Driver {
     fn next(&mut self, now: Micros) -> Next {
         match &mut self.phase {
-            Phase::Startup(startup) => match startup.next(now, &self.config) {
-                Ok(transfer) => Next::Transfer(transfer),
-                Err(until) => Next::Wait(until),
-            },
+            Phase::Startup(startup) => startup.pace.next(now, startup.transfer(&self.config)),
             Phase::Sampling(sampling) => {
                 if let Some(request) = self.request.filter(|request| !request.needs_config()) {
                     sampling.outstanding = Some(Errand::Ask(request));
@@ -328,15 +276,29 @@ impl Imu for Driver {
         match &mut self.phase {
             Phase::Startup(startup) => {
                 let progress = startup.complete(now, outcome, &self.config, &self.rules);
-                if let Err(error) = outcome {
-                    self.health.count(error.into());
-                }
-                let absent = matches!(progress, Progress::Failed(SensorFault::WrongChip { .. }))
-                    || outcome == Err(BusError::Nak);
-                if absent && self.config.either_address {
+                let is_absent = self.report.progressed(outcome, &progress);
+                if is_absent && self.config.either_address {
                     self.config.address = self.config.address.other();
                 }
-                self.advance(now, progress);
+                match progress {
+                    Progress::Going | Progress::Failed(_) => {}
+                    Progress::Answered(answer) => {
+                        // The owner may have dropped the request meanwhile.
+                        if startup.request.take().is_some() {
+                            self.answered(answer);
+                        }
+                    }
+                    Progress::Reached if startup.goal == Goal::Suspended => {
+                        self.report.fault = Some(SensorFault::Suspended);
+                        self.phase = Phase::Suspended;
+                    }
+                    Progress::Reached => {
+                        self.report.started(startup.pace.elapsed_us(now));
+                        self.identity = startup.identity;
+                        let inspector = core::mem::take(&mut startup.inspector);
+                        self.phase = Phase::Sampling(Sampling::new(inspector));
+                    }
+                }
             }
             Phase::Sampling(sampling) => match sampling.outstanding.take() {
                 Some(Errand::Verify) => self.verified(now, outcome),
@@ -367,7 +329,7 @@ impl Imu for Driver {
 
     fn sample(&mut self, time: Micros, outcome: Transferred<'_>) -> Result<Sample, SensorFault> {
         let raw = self.judge(time, outcome)?;
-        Ok(self.refresh.read(raw))
+        Ok(self.report.refresh.read(raw))
     }
 
     fn overdue(&mut self, time: Micros, outcome: Transferred<'_>) {
@@ -375,24 +337,11 @@ impl Imu for Driver {
         let _ = self.judge(time, outcome);
     }
 
-    fn missed(&mut self) -> SensorFault {
-        self.health.count(SensorFault::Late);
-        *self.fault.get_or_insert(SensorFault::Late)
+    fn report(&self) -> &Report {
+        &self.report
     }
 
-    fn fault(&self) -> Option<SensorFault> {
-        self.fault
-    }
-
-    fn failed_setups(&self) -> u32 {
-        self.health.failed_setups
-    }
-
-    fn fresh(&self) -> u32 {
-        self.health.fresh
-    }
-
-    fn refresh(&self) -> &Refresh {
-        &self.refresh
+    fn report_mut(&mut self) -> &mut Report {
+        &mut self.report
     }
 }

@@ -1,7 +1,9 @@
 //! The trait of a driver, for a control loop.
 
 use crate::fault::SensorFault;
+use crate::health::Health;
 use crate::refresh::Refresh;
+use crate::report::Report;
 use crate::sample::{Sample, Scale};
 use crate::time::Micros;
 use crate::transfer::{Transfer, Transferred};
@@ -81,18 +83,30 @@ pub trait Imu {
     fn overdue(&mut self, time: Micros, outcome: Transferred<'_>);
 
     /// Counts a tick without a burst, and gives the fault to report.
-    fn missed(&mut self) -> SensorFault;
+    fn missed(&mut self) -> SensorFault {
+        let report = self.report_mut();
+        report.health.count(SensorFault::Late);
+        *report.fault.get_or_insert(SensorFault::Late)
+    }
 
-    /// The present reason for missing samples: the first cause, until the sensor samples again or
-    /// has a worse cause.
-    fn fault(&self) -> Option<SensorFault>;
+    /// The report of the sensor.
+    fn report(&self) -> &Report;
 
-    /// How many attempts to set up a sensor that answered have failed so far; wraps.
-    fn failed_setups(&self) -> u32;
+    /// The report of the sensor, to be changed.
+    fn report_mut(&mut self) -> &mut Report;
 
-    /// How many bursts had new data so far; wraps.
-    fn fresh(&self) -> u32;
+    /// See [`Report::health`].
+    fn health(&self) -> &Health {
+        &self.report().health
+    }
 
-    /// The sensor's refreshes.
-    fn refresh(&self) -> &Refresh;
+    /// See [`Report::fault`].
+    fn fault(&self) -> Option<SensorFault> {
+        self.report().fault
+    }
+
+    /// See [`Report::refresh`].
+    fn refresh(&self) -> &Refresh {
+        &self.report().refresh
+    }
 }

@@ -68,7 +68,7 @@ macro_rules! front_end {
                 self.errands() $($await)*;
                 let mut buffer = [0; READ_MAX];
                 let Some(whole) = self.driver.bursts().whole else {
-                    return Err(self.cause());
+                    return Err(self.driver.report().cause());
                 };
                 let (time, outcome) = self.burst(whole, &mut buffer) $($await)*?;
                 let sample = self.driver.sample(time, outcome);
@@ -96,24 +96,20 @@ macro_rules! front_end {
                 (self.i2c, self.delay, self.clock)
             }
 
-            fn cause(&self) -> SensorFault {
-                self.driver.fault().unwrap_or(SensorFault::Booting)
-            }
-
             /// Does the driver's tasks until it is `finished`, fails for certain, or takes too
             /// long.
             ///
             /// # Errors
             /// The driver's fault.
             pub $($async)? fn drive(&mut self, finished: impl Fn(&T) -> bool) -> Result<(), SensorFault> {
-                let failures = self.driver.failed_setups();
+                let failures = self.driver.health().failed_setups;
                 let begin = (self.clock)();
                 for _ in 0..TURNS_MAX {
                     if finished(&self.driver) {
                         return Ok(());
                     }
                     let now = (self.clock)();
-                    if self.driver.failed_setups() != failures || now.since(begin) > TIMEOUT_US {
+                    if self.driver.health().failed_setups != failures || now.since(begin) > TIMEOUT_US {
                         break;
                     }
                     let next = self.driver.next(now);
@@ -125,7 +121,7 @@ macro_rules! front_end {
                         break;
                     }
                 }
-                Err(self.cause())
+                Err(self.driver.report().cause())
             }
 
             /// Does the driver's tasks until it needs to wait.
@@ -152,7 +148,7 @@ macro_rules! front_end {
                 buffer: &'b mut [u8; READ_MAX],
             ) -> Result<(Micros, Transferred<'b>), SensorFault> {
                 if !self.driver.is_sampling() {
-                    return Err(self.cause());
+                    return Err(self.driver.report().cause());
                 }
                 let time = (self.clock)();
                 let outcome = self.transfer(transfer, buffer) $($await)*;

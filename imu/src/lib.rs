@@ -17,7 +17,9 @@ mod front;
 mod health;
 mod hex;
 pub mod judge;
+pub mod pace;
 mod refresh;
+mod report;
 mod sample;
 mod time;
 mod transfer;
@@ -27,6 +29,7 @@ pub use fault::SensorFault;
 pub use health::Health;
 pub use hex::Hex;
 pub use refresh::Refresh;
+pub use report::Report;
 pub use sample::{NewRates, RawSample, Sample, Scale};
 pub use time::Micros;
 pub use transfer::{

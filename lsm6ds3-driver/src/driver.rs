@@ -1,8 +1,9 @@
 //! The driver: the next transfer, and the consequences of its outcome.
 
 use tvc_imu::judge::{Rules, Trust, Verdict, Words, received};
+use tvc_imu::pace::Progress;
 use tvc_imu::{
-    Bursts, BusError, Health, Imu, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer,
+    Bursts, Imu, Micros, Next, RawSample, Refresh, Report, Sample, SensorFault, Transfer,
     Transferred,
 };
 
@@ -10,7 +11,7 @@ use crate::chip::Chip;
 use crate::config::Config;
 use crate::sample;
 use crate::self_test::SelfTest;
-use crate::startup::{self, Progress, Startup};
+use crate::startup::{self, Startup};
 
 #[derive(Clone, Debug)]
 enum Phase {
@@ -42,13 +43,11 @@ pub struct Driver {
     /// Of the settings.
     rules: Rules,
     phase: Phase,
-    fault: Option<SensorFault>,
-    health: Health,
+    report: Report,
     chip: Option<Chip>,
     /// The temperature's count in the last good verification.
     temperature: Option<i16>,
     self_test: Option<SelfTest>,
-    refresh: Refresh,
 }
 
 impl Driver {
@@ -59,12 +58,10 @@ impl Driver {
             rules: config.rules(),
             config,
             phase: Phase::Startup(Startup::default()),
-            fault: Some(SensorFault::Booting),
-            health: Health::default(),
             chip: None,
             temperature: None,
             self_test: None,
-            refresh: Refresh::with_period(config.rate.period_us()),
+            report: Report::new(Refresh::with_period(config.rate.period_us())),
         }
     }
 
@@ -77,10 +74,10 @@ impl Driver {
     /// Sets the chip up anew with other settings.
     pub fn reconfigure(&mut self, config: Config) {
         self.rules = config.rules();
-        self.refresh = Refresh::with_period(config.rate.period_us());
+        self.report.refresh = Refresh::with_period(config.rate.period_us());
         self.config = config;
         self.phase = Phase::Startup(Startup::default());
-        self.fault = Some(SensorFault::Booting);
+        self.report.fault = Some(SensorFault::Booting);
     }
 
     /// Begins the self-test, which takes 1.3 s; the chip must be at rest. Then it samples again,
@@ -89,7 +86,7 @@ impl Driver {
     pub fn begin_self_test(&mut self) {
         self.self_test = None;
         self.phase = Phase::Startup(Startup::testing());
-        self.fault = Some(SensorFault::Booting);
+        self.report.fault = Some(SensorFault::Booting);
     }
 
     /// The result of the last self-test.
@@ -111,35 +108,26 @@ impl Driver {
         self.chip.zip(self.temperature).map(|(chip, count)| chip.celsius(count))
     }
 
-    /// The counters.
-    #[must_use]
-    pub fn health(&self) -> &Health {
-        &self.health
-    }
-
     /// The settings, with the address tried last.
     #[must_use]
     pub fn config(&self) -> &Config {
         &self.config
     }
 
-    fn cause(&self) -> SensorFault {
-        self.fault.unwrap_or(SensorFault::Booting)
-    }
-
     /// The sample in the outcome of a burst, and its evidence on the chip.
     fn judge(&mut self, time: Micros, outcome: Transferred<'_>) -> Result<RawSample, SensorFault> {
         let Phase::Sampling(Sampling { trust, .. }) = &mut self.phase else {
-            return Err(self.cause());
+            return Err(self.report.cause());
         };
+        let health = &mut self.report.health;
         let mut words = Words::default();
         // Rates of -1 on all axes come at rest by chance, but not after a lost burst.
         let verdict = match trust.received(outcome, sample::RATES.answer_len()) {
             Ok(bytes) => match sample::read(&mut words, trust.inspector(), bytes) {
-                Ok(is_whole) => trust.judge(&mut self.health, &self.rules, time, &words, is_whole),
-                Err(fault) => trust.conclude(&mut self.health, time, Err(fault)),
+                Ok(is_whole) => trust.judge(health, &self.rules, time, &words, is_whole),
+                Err(fault) => trust.conclude(health, time, Err(fault)),
             },
-            Err(fault) => trust.silent(&mut self.health, time, fault),
+            Err(fault) => trust.silent(health, time, fault),
         };
         let sample = trust.inspector().sample();
         self.take(time, verdict)?;
@@ -151,20 +139,11 @@ impl Driver {
         if let Phase::Sampling(sampling) = &mut self.phase {
             sampling.due = true;
         }
-        match verdict {
-            Verdict::Good => {
-                self.fault = None;
-                Ok(())
-            }
-            Verdict::Bad(fault) => {
-                self.fault = Some(fault);
-                Err(fault)
-            }
-            Verdict::Restart(fault) => {
-                self.restart(time, fault);
-                Err(fault)
-            }
+        if let Verdict::Restart(fault) = verdict {
+            self.restart(time, fault);
         }
+        self.report.fault = verdict.result().err();
+        verdict.result()
     }
 
     fn verified(&mut self, now: Micros, outcome: Transferred<'_>) {
@@ -174,47 +153,19 @@ impl Driver {
         let judged = received(outcome, 0)
             .and_then(|bytes| startup::confirm(&self.config, self.chip, bytes))
             .map(|temperature| self.temperature = Some(temperature));
-        let verdict = sampling.trust.verified(&mut self.health, now, judged);
+        let verdict = sampling.trust.verified(&mut self.report.health, now, judged);
         // Registers that read wrong are read again at once.
         sampling.due = sampling.trust.is_mismatched();
         match verdict {
-            Verdict::Good => {}
-            Verdict::Bad(fault) if fault.is_bus() => self.fault = Some(fault),
-            Verdict::Bad(_) => {}
+            Verdict::Bad(fault) if fault.is_bus() => self.report.fault = Some(fault),
+            Verdict::Good | Verdict::Bad(_) => {}
             Verdict::Restart(fault) => self.restart(now, fault),
-        }
-    }
-
-    fn advance(&mut self, now: Micros, progress: Progress) {
-        let Phase::Startup(startup) = &self.phase else {
-            return;
-        };
-        match progress {
-            Progress::Going => {}
-            Progress::Tested(result) => self.self_test = Some(result),
-            Progress::Failed(fault) => {
-                if !fault.is_bus() {
-                    self.health.failed_setups = self.health.failed_setups.wrapping_add(1);
-                }
-                self.fault = Some(fault);
-            }
-            Progress::Reached => {
-                self.health.starts = self.health.starts.wrapping_add(1);
-                self.health.setup_us = now.since(startup.began());
-                self.chip = startup.chip;
-                self.fault = None;
-                let trust = Trust::new(startup.inspector.clone());
-                self.phase = Phase::Sampling(Sampling { trust, ..Sampling::default() });
-            }
         }
     }
 
     /// Sets the chip up anew, and reports `fault` until it samples again.
     fn restart(&mut self, now: Micros, fault: SensorFault) {
-        if fault == SensorFault::Reset {
-            self.health.resets = self.health.resets.wrapping_add(1);
-        }
-        self.fault = Some(fault);
+        self.report.restarted(fault);
         let mut startup = Startup::at(now);
         if let Phase::Sampling(sampling) = &self.phase {
             startup.inspector = sampling.trust.inspector().anew();
@@ -226,10 +177,7 @@ impl Driver {
 impl Imu for Driver {
     fn next(&mut self, now: Micros) -> Next {
         match &mut self.phase {
-            Phase::Startup(startup) => match startup.next(now, &self.config) {
-                Ok(transfer) => Next::Transfer(transfer),
-                Err(until) => Next::Wait(until),
-            },
+            Phase::Startup(startup) => startup.pace.next(now, startup.transfer(&self.config)),
             Phase::Sampling(sampling) if sampling.due => {
                 sampling.verifying = true;
                 Next::Transfer(startup::STATUS)
@@ -242,15 +190,20 @@ impl Imu for Driver {
         match &mut self.phase {
             Phase::Startup(startup) => {
                 let progress = startup.complete(now, outcome, &self.config, &self.rules);
-                if let Err(error) = outcome {
-                    self.health.count(error.into());
-                }
-                let absent = matches!(progress, Progress::Failed(SensorFault::WrongChip { .. }))
-                    || outcome == Err(BusError::Nak);
-                if absent && self.config.either_address {
+                let is_absent = self.report.progressed(outcome, &progress);
+                if is_absent && self.config.either_address {
                     self.config.address = self.config.address.other();
                 }
-                self.advance(now, progress);
+                match progress {
+                    Progress::Going | Progress::Failed(_) => {}
+                    Progress::Answered(result) => self.self_test = Some(result),
+                    Progress::Reached => {
+                        self.report.started(startup.pace.elapsed_us(now));
+                        self.chip = startup.chip;
+                        let trust = Trust::new(core::mem::take(&mut startup.inspector));
+                        self.phase = Phase::Sampling(Sampling { trust, ..Sampling::default() });
+                    }
+                }
             }
             Phase::Sampling(sampling) => {
                 if core::mem::take(&mut sampling.verifying) {
@@ -277,7 +230,7 @@ impl Imu for Driver {
 
     fn sample(&mut self, time: Micros, outcome: Transferred<'_>) -> Result<Sample, SensorFault> {
         let raw = self.judge(time, outcome)?;
-        Ok(self.refresh.read(self.config.convert(raw)))
+        Ok(self.report.refresh.read(self.config.convert(raw)))
     }
 
     fn overdue(&mut self, time: Micros, outcome: Transferred<'_>) {
@@ -285,24 +238,11 @@ impl Imu for Driver {
         let _ = self.judge(time, outcome);
     }
 
-    fn missed(&mut self) -> SensorFault {
-        self.health.count(SensorFault::Late);
-        *self.fault.get_or_insert(SensorFault::Late)
+    fn report(&self) -> &Report {
+        &self.report
     }
 
-    fn fault(&self) -> Option<SensorFault> {
-        self.fault
-    }
-
-    fn failed_setups(&self) -> u32 {
-        self.health.failed_setups
-    }
-
-    fn fresh(&self) -> u32 {
-        self.health.fresh
-    }
-
-    fn refresh(&self) -> &Refresh {
-        &self.refresh
+    fn report_mut(&mut self) -> &mut Report {
+        &mut self.report
     }
 }

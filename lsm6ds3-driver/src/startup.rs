@@ -1,6 +1,7 @@
 //! From power-on to the first good data, step by step, with every register read back.
 
 use tvc_imu::judge::{Inspector, Rules, Words};
+use tvc_imu::pace::{self, Pace, Pauses, Progress};
 use tvc_imu::{Micros, SensorFault, Transfer, Transferred};
 
 use crate::chip::Chip;
@@ -13,11 +14,9 @@ use crate::self_test::{self, Half, SelfTest, Sums};
 /// chip boots in 15 ms (data sheet section 5.6).
 pub const BOOT_DEADLINE_US: u64 = 100_000;
 
-/// Pause between attempts to reach a chip that does not answer.
-const POLL_US: u64 = 5_000;
-/// Pause after the first failure of a chip that answered; it doubles up to [`PAUSE_MAX_US`].
-const PAUSE_US: u64 = 20_000;
-const PAUSE_MAX_US: u64 = 640_000;
+/// Pauses between attempts.
+const PAUSES: Pauses =
+    Pauses { boot_us: BOOT_DEADLINE_US, poll_us: 5_000, first_us: 20_000, longest_us: 640_000 };
 /// A software reset takes 50 us (data sheet section 9.14).
 const RESET_US: u64 = 1_000;
 /// Until the gyroscope gives data, from power-down (data sheet table 4: 70 ms).
@@ -29,7 +28,7 @@ const LOOKS_US: u64 = 500_000;
 /// A step of the set-up. [`Startup::transfer`] has its transfer, [`Startup::judge`] its
 /// consequence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Step {
+pub(crate) enum Step {
     /// Closes the embedded functions' registers, which shows whether the chip answers.
     #[default]
     Call,
@@ -47,41 +46,17 @@ enum Step {
 }
 
 /// Where a step leads.
-enum Verdict {
-    /// To the next step, after a pause in microseconds.
-    Go(Step, u64),
-    /// Once more after a pause in microseconds, for a limited time; then this fault.
-    Again(u64, u64, SensorFault),
-    Fail(SensorFault),
-    Tested(SelfTest),
-    Reached,
-}
-
-/// The result of a completed step for the driver.
-pub(crate) enum Progress {
-    Going,
-    /// The self-test is over; the set-up goes on.
-    Tested(SelfTest),
-    /// An attempt failed with a fault to report.
-    Failed(SensorFault),
-    /// The chip samples.
-    Reached,
-}
+type Verdict = pace::Verdict<Step, SelfTest>;
+/// The verdict on a step, or the fault that ends the attempt.
+type Judged = Result<Verdict, SensorFault>;
 
 /// A set-up under way.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Startup {
     /// The self-test that is to be made on the way.
     test: Option<Half>,
-    step: Step,
-    step_since: Micros,
-    not_before: Micros,
-    /// Start of this set-up, known after the first look at the clock.
-    began: Option<Micros>,
-    /// Failed attempts in a row of a chip that answered.
-    failures: u8,
-    outstanding: bool,
-    /// Bursts so far of a self-test, or fresh, good ones while waiting for data.
+    pub(crate) pace: Pace<Step>,
+    /// Bursts so far of a half of the self-test.
     bursts: u8,
     sums: Sums,
     /// The judge that has seen the first bursts.
@@ -98,29 +73,14 @@ impl Startup {
 
     /// A set-up that begins now.
     pub(crate) fn at(now: Micros) -> Self {
-        Self { step_since: now, not_before: now, began: Some(now), ..Self::default() }
-    }
-
-    /// Start of this set-up.
-    pub(crate) fn began(&self) -> Micros {
-        self.began.unwrap_or(self.not_before)
-    }
-
-    /// The next transfer, or the time of the next one.
-    pub(crate) fn next(&mut self, now: Micros, config: &Config) -> Result<Transfer, Micros> {
-        self.began.get_or_insert(now);
-        if now < self.not_before {
-            return Err(self.not_before);
-        }
-        self.outstanding = true;
-        Ok(self.transfer(config))
+        Self { pace: Pace::at(now), ..Self::default() }
     }
 
     /// The transfer of a step.
-    fn transfer(&self, config: &Config) -> Transfer {
+    pub(crate) fn transfer(&self, config: &Config) -> Transfer {
         // A chip is identified before its control registers are written.
         let chip = self.chip.unwrap_or(Chip::Lsm6ds3);
-        match self.step {
+        match self.pace.step {
             Step::Call => Transfer::write(reg::FUNC_CFG_ACCESS, [0]),
             Step::Identify => Transfer::read(reg::WHO_AM_I, 1),
             Step::Reset => Transfer::write(reg::CTRL3_C, [reg::IF_INC | reg::SW_RESET]),
@@ -133,19 +93,18 @@ impl Startup {
     }
 
     /// The consequence of a step and of the chip's answer.
-    fn judge(&mut self, now: Micros, bytes: &[u8], config: &Config, rules: &Rules) -> Verdict {
-        match (self.step, bytes) {
+    fn judge(&mut self, now: Micros, bytes: &[u8], config: &Config, rules: &Rules) -> Judged {
+        Ok(match (self.pace.step, bytes) {
             (Step::Call, _) => Verdict::Go(Step::Identify, 0),
-            (Step::Identify, &[0xFF]) => Verdict::Fail(SensorFault::AllOnes),
+            (Step::Identify, &[0xFF]) => return Err(SensorFault::AllOnes),
             (Step::Identify, &[id]) => {
                 self.chip = Chip::from_id(id);
-                match self.chip {
-                    Some(_) => Verdict::Go(Step::Reset, 0),
-                    None => Verdict::Fail(SensorFault::WrongChip { found: id }),
-                }
+                self.chip.ok_or(SensorFault::WrongChip { found: id })?;
+                Verdict::Go(Step::Reset, 0)
             }
             (Step::Reset, _) => Verdict::Go(Step::AwaitReset, RESET_US),
             (Step::AwaitReset, &[control]) if control & reg::SW_RESET == 0 => {
+                self.sums = Sums::default();
                 Verdict::Go(self.test.map_or(Step::Write, Step::Test), 0)
             }
             (Step::AwaitReset, &[found]) => Verdict::Again(
@@ -157,114 +116,60 @@ impl Startup {
                 self.bursts = 0;
                 Verdict::Go(Step::Measure(half), half.settle_us())
             }
-            (Step::Measure(half), _) => self.measure(half, bytes),
+            (Step::Measure(half), _) => self.measure(now, half, bytes)?,
             (Step::Write, _) => Verdict::Go(Step::Confirm, 0),
-            (Step::Confirm, _) => match confirm(config, self.chip, bytes) {
-                Ok(_) => {
-                    self.inspector = self.inspector.anew();
-                    self.bursts = 0;
-                    Verdict::Go(Step::AwaitData, TURN_ON_US)
+            (Step::Confirm, _) => {
+                confirm(config, self.chip, bytes)?;
+                self.inspector = self.inspector.anew();
+                Verdict::Go(Step::AwaitData, TURN_ON_US)
+            }
+            (Step::AwaitData, _) => {
+                let mut words = Words::default();
+                let judged = sample::read(&mut words, &self.inspector, bytes)
+                    .and_then(|whole| self.inspector.judge(rules, now, &words, whole, false));
+                match self.pace.look(judged) {
+                    Ok(()) => Verdict::Reached,
+                    Err(fault) => Verdict::Again(LOOK_US, LOOKS_US, fault),
                 }
-                Err(fault) => Verdict::Fail(fault),
-            },
-            (Step::AwaitData, _) => self.look(now, bytes, rules),
-            (Step::Identify | Step::AwaitReset, _) => Verdict::Fail(SensorFault::Protocol),
-        }
+            }
+            (Step::Identify | Step::AwaitReset, _) => return Err(SensorFault::Protocol),
+        })
     }
 
     /// Takes a burst of the self-test.
-    fn measure(&mut self, half: Half, bytes: &[u8]) -> Verdict {
+    fn measure(&mut self, now: Micros, half: Half, bytes: &[u8]) -> Judged {
         let mut words = Words::default();
-        if let Err(fault) = sample::read(&mut words, &self.inspector, bytes) {
-            return Verdict::Fail(fault);
-        }
+        sample::read(&mut words, &self.inspector, bytes)?;
         self.sums.add(half, &words);
         self.bursts += 1;
         if self.bursts < self_test::BURSTS {
-            return Verdict::Go(Step::Measure(half), self_test::BURST_US);
+            return Ok(Verdict::Go(Step::Measure(half), self_test::BURST_US));
         }
         match self.chip.map(|chip| half.next(&self.sums, chip)) {
-            Some(Ok(half)) => Verdict::Go(Step::Test(half), 0),
-            Some(Err(result)) => Verdict::Tested(result),
-            None => Verdict::Fail(SensorFault::Protocol),
-        }
-    }
-
-    /// Judges a burst before the first sample. The second fresh one shows that the data move.
-    fn look(&mut self, now: Micros, bytes: &[u8], rules: &Rules) -> Verdict {
-        let mut words = Words::default();
-        let judged = sample::read(&mut words, &self.inspector, bytes)
-            .and_then(|is_whole| self.inspector.judge(rules, now, &words, is_whole, false));
-        match judged {
-            Ok(judged) if judged.fresh && self.bursts >= 1 => Verdict::Reached,
-            Ok(judged) => {
-                self.bursts += u8::from(judged.fresh);
-                Verdict::Again(LOOK_US, LOOKS_US, SensorFault::Frozen)
+            Some(Ok(half)) => Ok(Verdict::Go(Step::Test(half), 0)),
+            Some(Err(result)) => {
+                // The set-up proper begins, with the time that it may take.
+                *self = Self { chip: self.chip, ..Self::at(now) };
+                Ok(Verdict::Answer(result, Step::Reset))
             }
-            Err(fault) => Verdict::Again(LOOK_US, LOOKS_US, fault),
+            None => Err(SensorFault::Protocol),
         }
     }
 
-    /// Takes the outcome of the transfer from [`Startup::next`]; ignores any other.
+    /// Takes the outcome of the transfer from [`Pace::next`]; ignores any other.
     pub(crate) fn complete(
         &mut self,
         now: Micros,
         outcome: Transferred<'_>,
         config: &Config,
         rules: &Rules,
-    ) -> Progress {
-        if !core::mem::take(&mut self.outstanding) {
+    ) -> Progress<SelfTest> {
+        let Some(answer) = self.pace.answer(outcome, &self.transfer(config)) else {
             return Progress::Going;
-        }
-        let verdict = match outcome {
-            Err(error) => Verdict::Fail(error.into()),
-            Ok(bytes) if bytes.len() != self.transfer(config).answer_len() => {
-                Verdict::Fail(SensorFault::Protocol)
-            }
-            Ok(bytes) => self.judge(now, bytes, config, rules),
         };
-        match verdict {
-            Verdict::Reached => return Progress::Reached,
-            Verdict::Go(step, pause_us) => self.go(step, now, pause_us),
-            Verdict::Tested(result) => {
-                // The set-up proper begins, with the time that it may take.
-                *self = Self { step: Step::Reset, chip: self.chip, ..Self::at(now) };
-                return Progress::Tested(result);
-            }
-            Verdict::Again(pause_us, timeout_us, fault) => {
-                if now.since(self.step_since) >= timeout_us {
-                    return self.fail(now, fault);
-                }
-                self.not_before = now.after(pause_us);
-            }
-            Verdict::Fail(fault) => return self.fail(now, fault),
-        }
-        Progress::Going
-    }
-
-    fn go(&mut self, step: Step, now: Micros, pause_us: u64) {
-        (self.step, self.step_since, self.not_before) = (step, now, now.after(pause_us));
-    }
-
-    /// Starts over. The driver polls a chip that does not answer at a steady pace, and reports it
-    /// only when it is late. A wrong answer is reported at once, and the next attempt comes after
-    /// ever longer pauses.
-    fn fail(&mut self, now: Micros, fault: SensorFault) -> Progress {
-        let unreached = fault.is_bus() || self.step == Step::Identify;
-        let pause_us = if unreached {
-            POLL_US
-        } else {
-            let pause_us = PAUSE_MAX_US.min(PAUSE_US << self.failures.min(8));
-            self.failures = self.failures.saturating_add(1);
-            pause_us
-        };
-        self.go(Step::Call, now, pause_us);
-        (self.bursts, self.sums) = (0, Sums::default());
-        if unreached && now.since(self.began()) < BOOT_DEADLINE_US {
-            Progress::Going
-        } else {
-            Progress::Failed(fault)
-        }
+        let verdict = answer.and_then(|bytes| self.judge(now, bytes, config, rules));
+        let is_unknown = self.pace.step == Step::Identify;
+        self.pace.follow(now, verdict, &PAUSES, is_unknown)
     }
 }
 

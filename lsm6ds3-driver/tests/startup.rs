@@ -127,7 +127,7 @@ fn each_register_that_does_not_hold_is_named() {
             panic!("{register:#x}: {:?}", rig.driver.fault());
         };
         assert_eq!(found, register);
-        assert_eq!(rig.driver.failed_setups(), 1);
+        assert_eq!(rig.driver.health().failed_setups, 1);
     }
 }
 

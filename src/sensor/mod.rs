@@ -9,7 +9,7 @@ mod standby;
 
 use crate::params::Params;
 use tvc_imu::{
-    Bursts, Description, Imu, Micros, Next, RawSample, Refresh, Sample, Scale, SensorFault,
+    Bursts, Description, Imu, Micros, Next, RawSample, Refresh, Report, Sample, Scale, SensorFault,
     Transfer, Transferred,
 };
 
@@ -288,16 +288,12 @@ impl Imu for Sensor {
         self.flying_mut().missed()
     }
 
-    fn fault(&self) -> Option<SensorFault> {
-        self.flying().fault()
+    fn report(&self) -> &Report {
+        self.flying().report()
     }
 
-    fn failed_setups(&self) -> u32 {
-        self.flying().failed_setups()
-    }
-
-    fn fresh(&self) -> u32 {
-        self.flying().fresh()
+    fn report_mut(&mut self) -> &mut Report {
+        self.flying_mut().report_mut()
     }
 
     fn refresh(&self) -> &Refresh {

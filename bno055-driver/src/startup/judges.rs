@@ -1,6 +1,6 @@
 //! The right answers during the set-up.
 
-use super::{SetupStep, Verdict};
+use super::{Judged, SetupStep, Verdict};
 use crate::config::Config;
 use crate::registers as reg;
 use crate::request::Request;
@@ -15,19 +15,17 @@ const READ_BACK_PAUSE_US: u64 = 5_000;
 /// late or lost writes when they follow each other at once.
 const READ_BACK_TIMEOUT_US: u64 = 50_000;
 
-pub(super) fn identify(bytes: &[u8], config: &Config, identity: &mut Identity) -> Verdict {
+pub(super) fn identify(bytes: &[u8], config: &Config, identity: &mut Identity) -> Judged {
     let &[chip, acc, mag, gyr, low, high, bootloader, page] = bytes else {
-        return Verdict::Fail(SensorFault::Protocol);
+        return Err(SensorFault::Protocol);
     };
-    if let Err(fault) = verify::identify([chip, acc, mag, gyr], config) {
-        return Verdict::Fail(fault);
-    }
+    verify::identify([chip, acc, mag, gyr], config)?;
     if page != 0 {
-        return Verdict::Fail(SensorFault::Configuration { register: reg::PAGE_ID, found: page });
+        return Err(SensorFault::Configuration { register: reg::PAGE_ID, found: page });
     }
     identity.software = u16::from_le_bytes([low, high]);
     identity.bootloader = bootloader;
-    Verdict::Go(SetupStep::EnterConfig, 0)
+    Ok(Verdict::Go(SetupStep::EnterConfig, 0))
 }
 
 pub(super) fn await_mode(bytes: &[u8], mode: u8, next: SetupStep) -> Verdict {
@@ -39,41 +37,39 @@ pub(super) fn await_mode(bytes: &[u8], mode: u8, next: SetupStep) -> Verdict {
     Verdict::Again(5_000, 100_000, fault)
 }
 
-pub(super) fn answer(request: Request, bytes: &[u8], next: SetupStep) -> Verdict {
-    match request.decode(bytes) {
-        Some(answer) => Verdict::Answer(answer, next),
-        None => Verdict::Fail(SensorFault::Protocol),
-    }
+pub(super) fn answer(request: Request, bytes: &[u8], next: SetupStep) -> Judged {
+    let answer = request.decode(bytes).ok_or(SensorFault::Protocol)?;
+    Ok(Verdict::Answer(answer, next))
 }
 
-pub(super) fn await_self_test(request: Request, bytes: &[u8], next: SetupStep) -> Verdict {
+pub(super) fn await_self_test(request: Request, bytes: &[u8], next: SetupStep) -> Judged {
     match *bytes {
         [result, _, _, status, _] if SystemStatus::from_register(status).is_starting() => {
-            Verdict::Again(10_000, 1_000_000, SensorFault::SelfTest { result })
+            Ok(Verdict::Again(10_000, 1_000_000, SensorFault::SelfTest { result }))
         }
         _ => answer(request, bytes, next),
     }
 }
 
-pub(super) fn diagnose(bytes: &[u8], config: &Config) -> Verdict {
+pub(super) fn diagnose(bytes: &[u8], config: &Config) -> Judged {
     let &[result, _, _, status, error] = bytes else {
-        return Verdict::Fail(SensorFault::Protocol);
+        return Err(SensorFault::Protocol);
     };
     match SystemStatus::from_register(status) {
-        SystemStatus::Error => return Verdict::Fail(SensorFault::System { error }),
+        SystemStatus::Error => return Err(SensorFault::System { error }),
         status if status.is_starting() => {
-            return Verdict::Again(10_000, 600_000, SensorFault::System { error });
+            return Ok(Verdict::Again(10_000, 600_000, SensorFault::System { error }));
         }
         _ => {}
     }
     let needed = if config.needs_mag { 0x0F } else { 0x0D };
     if result & needed != needed {
-        return Verdict::Fail(SensorFault::SelfTest { result });
+        return Err(SensorFault::SelfTest { result });
     }
     let (mode, sensors) = (config.mode, &config.sensors);
     match config.profile.and_then(|profile| profile.wrong_register(mode, sensors)) {
-        Some(register) => Verdict::Fail(SensorFault::Profile { register }),
-        None => Verdict::Go(SetupStep::Write(Setting::Power), 0),
+        Some(register) => Err(SensorFault::Profile { register }),
+        None => Ok(Verdict::Go(SetupStep::Write(Setting::Power), 0)),
     }
 }
 
@@ -117,14 +113,14 @@ pub(super) fn await_clock(bytes: &[u8], next: SetupStep, timeout_us: u64) -> Ver
     }
 }
 
-pub(super) fn await_running(bytes: &[u8], config: &Config) -> Verdict {
+pub(super) fn await_running(bytes: &[u8], config: &Config) -> Judged {
     let &[status, error] = bytes else {
-        return Verdict::Fail(SensorFault::Protocol);
+        return Err(SensorFault::Protocol);
     };
     let fault = SensorFault::System { error };
     match SystemStatus::from_register(status) {
-        SystemStatus::Error => Verdict::Fail(fault),
-        status if status == config.mode.status() => Verdict::Go(SetupStep::AwaitData, 0),
-        _ => Verdict::Again(5_000, 500_000, fault),
+        SystemStatus::Error => Err(fault),
+        status if status == config.mode.status() => Ok(Verdict::Go(SetupStep::AwaitData, 0)),
+        _ => Ok(Verdict::Again(5_000, 500_000, fault)),
     }
 }

@@ -38,6 +38,19 @@ pub enum Verdict {
     Restart(SensorFault),
 }
 
+impl Verdict {
+    /// Whether the burst or the register is good.
+    ///
+    /// # Errors
+    /// The reason why it is not.
+    pub fn result(self) -> Result<(), SensorFault> {
+        match self {
+            Self::Good => Ok(()),
+            Self::Bad(fault) | Self::Restart(fault) => Err(fault),
+        }
+    }
+}
+
 /// What the driver knows of a sensor that samples.
 #[derive(Clone, Debug, Default)]
 pub struct Trust {
