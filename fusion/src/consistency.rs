@@ -1,14 +1,15 @@
 //! Whether the estimated vertical agrees with the accelerations.
 //!
-//! The gains that smooth the accelerations of a motion are slow. An estimate that garbage has
-//! turned over needs half a minute to come back, or longer near half a turn, where the correction
-//! is nearly none. But a body that does not fall has again and again an acceleration of gravity or
-//! more along its vertical, however it moves. Along a vertical that is wrong by an angle, a calm
-//! body has gravity times the angle's cosine at most. An estimate begins anew after [`LASTING_S`]
-//! of that.
+//! The gains that smooth the accelerations of a motion are slow. A filter that garbage has turned
+//! over needs half a minute to come back. Near half a turn the correction is nearly none.
 //!
-//! No mean is taken: blows of many g reach beyond a sensor's range or the limit of the
-//! acceleration, and a mean without them is too low for a sound estimate.
+//! A body that does not fall has an acceleration of gravity or more along its vertical again and
+//! again, however it moves. Where the estimated vertical is wrong by an angle, a calm body has
+//! gravity times the angle's cosine along it. After [`LASTING_S`] of less than [`LEAST`] the
+//! estimate begins anew.
+//!
+//! A mean would not do. Blows of many g reach beyond a sensor's range, and the mean of the rest is
+//! too low for a sound estimate.
 
 use crate::config::GRAVITY;
 use crate::real::Real;

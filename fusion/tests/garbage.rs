@@ -1,6 +1,6 @@
 //! Garbage leaves no filter in a wrong attitude: the tilt is right again within 20 s of a motion
-//! without a rest. And what looks like garbage's end is no reason to give up a right attitude:
-//! vibration and blows. The long test: `cargo test --release -p tvc-fusion --test garbage -- --ignored`.
+//! without a rest. Vibration and blows leave a right attitude as it is. The long test:
+//! `cargo test --release -p tvc-fusion --test garbage -- --ignored`.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use tvc_fusion::fixed::{self, Counts, Ideal, Scale};

@@ -107,7 +107,8 @@ impl<S: Default> Pace<S> {
         if is_fresh && self.fresh > 1 { Ok(()) } else { Err(SensorFault::Frozen) }
     }
 
-    /// Follows the verdict on the step, or its fault to the first step. The sensor `is_unknown` until it has identified itself.
+    /// Follows the verdict on the step. A fault leads to the first step. The sensor `is_unknown`
+    /// until it has identified itself.
     pub fn follow<A>(
         &mut self,
         now: Micros,

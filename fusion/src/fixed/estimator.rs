@@ -424,8 +424,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     }
 
     /// Begins anew where the accelerations along the estimated vertical have long been less than
-    /// gravity, as the float filters do (`consistency`). Takes one sample a block, and from one that
-    /// is less on every sample.
+    /// gravity, as the float filters do (`consistency`). Takes one sample a block. While the last
+    /// one was less, it takes those of all steps without housekeeping.
     #[inline(always)]
     fn check_vertical(&self, state: &mut State, down: &[Q15; 3], acc: &[i32; 3]) {
         let up = -((down[0] * acc[0] + down[1] * acc[1] + down[2] * acc[2]) >> 15);
