@@ -20,8 +20,8 @@ use crate::vector::dot;
 pub(crate) const LASTING_S: f32 = 3.0;
 
 /// The least acceleration along the vertical, in parts of gravity, that says nothing against the
-/// estimate: the cosine of 37 deg.
-pub(crate) const LEAST: f32 = 0.8;
+/// estimate: the cosine of 32 deg.
+pub(crate) const LEAST: f32 = 0.85;
 
 /// Time since the first acceleration of less than [`LEAST`] along the estimated vertical that
 /// none of as much has followed, s.

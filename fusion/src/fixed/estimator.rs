@@ -118,8 +118,10 @@ pub struct Estimator<F, S = Late> {
     gyr_rad_s: f32,
     /// Least acceleration along the vertical that says nothing against the estimate, counts.
     least_up: i32,
-    /// Steps in a row with less than that after which the estimate is wrong.
-    low_steps: u32,
+    /// Rate, each axis, above which a block shows no vertical, counts.
+    slow_rate: i32,
+    /// Blocks in a row with less than that after which the estimate is wrong.
+    low_blocks: u32,
 }
 
 impl<F: Filter, S: Sensors> Estimator<F, S> {
@@ -177,7 +179,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             half_declination: half_declination(config.declination_rad)?,
             gyr_rad_s: scale.gyr_rad_s,
             least_up: (per_g * consistency::LEAST) as i32,
-            low_steps: (CHECKED * consistency::LASTING_S / period_s) as u32,
+            slow_rate: (SLOW_RAD_S / scale.gyr_rad_s) as i32,
+            low_blocks: (consistency::LASTING_S / block_s) as u32,
         })
     }
 
@@ -198,7 +201,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             gap: 0,
             last_field: Zeroable::zeroed(),
             rates: [0; 3],
-            low_steps: 0,
+            low_blocks: 0,
         }
     }
 
@@ -217,7 +220,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             && state.gap | is_known <= 1
             && mag.iter().all(|part| i16::try_from(*part).is_ok())
             && are_within(&state.rates, MOST_RATE)
-            && state.low_steps < self.low_steps
+            && state.low_blocks < self.low_blocks
     }
 
     /// The orientation, with geographic north if a declination was configured.
@@ -366,8 +369,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         pending[0] += tilt[0] + ((turn * down[0]) >> shift);
         pending[1] += tilt[1] + ((turn * down[1]) >> shift);
         pending[2] += tilt[2] + ((turn * down[2]) >> shift);
-        if job == rest::VERTICAL || !busy && state.low_steps != 0 {
-            self.check_vertical(state, &down, &acc);
+        if job == rest::VERTICAL {
+            self.check_vertical(state, &down);
         }
     }
 
@@ -423,17 +426,19 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         }
     }
 
-    /// Begins anew where the accelerations along the estimated vertical have long been less than
-    /// gravity, as the float filters do (`consistency`). Takes one sample a block. While the last
-    /// one was less, it takes those of all steps without housekeeping.
-    #[inline(always)]
-    fn check_vertical(&self, state: &mut State, down: &[Q15; 3], acc: &[i32; 3]) {
+    /// Begins anew where the mean accelerations of blocks have long been less than gravity along
+    /// the estimated vertical, as the float filters do (`consistency`). A block in which the body
+    /// turns fast has no vertical, and one of a fall neither.
+    #[inline(never)]
+    fn check_vertical(&self, state: &mut State, down: &[Q15; 3]) {
+        let [rates, acc] = state.rest.means();
         let up = -((down[0] * acc[0] + down[1] * acc[1] + down[2] * acc[2]) >> 15);
-        // No acceleration says nothing against the estimate.
-        let is_low = *acc != [0; 3] && up < self.least_up;
-        state.low_steps = if is_low { state.low_steps + 1 } else { 0 };
-        if state.low_steps == self.low_steps {
-            state.low_steps = 0;
+        let turns = !are_within(&rates, self.slow_rate);
+        let falls = are_within(&acc, self.least_up / 2);
+        let is_low = up < self.least_up && !turns && !falls;
+        state.low_blocks = if is_low { state.low_blocks + 1 } else { 0 };
+        if state.low_blocks == self.low_blocks {
+            state.low_blocks = 0;
             self.level(state);
         }
     }
@@ -492,8 +497,9 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     }
 }
 
-/// Share of the steps that check the vertical while it is in doubt: all without housekeeping.
-const CHECKED: f32 = 0.7;
+/// Largest rate of a block, each axis, whose mean acceleration shows a vertical, rad/s. In half a
+/// block and the steps until the check, the body turns by less than 24 deg.
+const SLOW_RAD_S: f32 = 1.0;
 
 /// Largest plausible rate less its offset, counts.
 const MOST_RATE: i32 = 1 << 16;

@@ -267,7 +267,7 @@ impl Rest {
             && state.early <= self.early
             && state.learned <= self.most_learned
             && are_within(&state.sums, 1 << 28)
-            && are_within(&references, 1 << 24)
+            && are_within(&references, 1 << 15)
             && state.axes.iter().take(3).all(|axis| {
                 let newest = if learns { axis.newest } else { 0 };
                 let means = [axis.offset >> FINER_BITS, newest];
@@ -280,6 +280,12 @@ impl RestState {
     /// Samples so far, modulo 2^32.
     pub(super) fn tick(&self) -> u32 {
         self.tick
+    }
+
+    /// Means of the last block, within what rest allows: rates and accelerations, counts.
+    pub(super) fn means(&self) -> [[i32; 3]; 2] {
+        let [gx, gy, gz, ax, ay, az] = self.axes.map(|axis| axis.reference);
+        [[gx, gy, gz], [ax, ay, az]]
     }
 
     pub(super) fn is_at_rest(&self) -> bool {

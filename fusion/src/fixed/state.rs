@@ -39,8 +39,8 @@ pub struct State {
     pub(super) last_field: LastField,
     /// Rates of the last step less their offset, counts, if a sensor is late.
     pub(super) rates: [i32; 3],
-    /// Steps in a row with less than gravity along the estimated vertical.
-    pub(super) low_steps: u32,
+    /// Blocks in a row with less than gravity along the estimated vertical.
+    pub(super) low_blocks: u32,
 }
 
 /// The last field while accelerations are limited. It stands for the fields between a slow
