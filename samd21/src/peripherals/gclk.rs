@@ -12,7 +12,9 @@
 //! does not divide. A watchdog that an erased user row has on then takes a second, as on boards.
 //!
 //! A write while SYNCBUSY is set stalls the bus until it is clear (common synchroniser).
-//! Generator 0 must run: a write that would stop it faults, as the chip would stop for ever.
+//! Generator 0 must run: a write that would stop it faults, as the chip would stop for ever. It runs
+//! on from its source while another that was chosen is not ready (15.6.2.6); that the old source
+//! stops meanwhile is left out.
 //!
 //! | left out | why |
 //! |---|---|
@@ -28,6 +30,7 @@ use crate::board::Ticks;
 
 const GENERATORS: usize = 9;
 const CLOCKS: usize = 0x25;
+const SRC: u32 = 0x1F << 8;
 const GENEN: u32 = 1 << 16;
 const DIVSEL: u32 = 1 << 20;
 const CLKEN: u16 = 1 << 14;
@@ -47,6 +50,8 @@ pub(crate) struct Gclk {
     /// The clock that CLKCTRL reads back.
     selected: usize,
     rates: [Option<Rate>; GENERATORS],
+    /// The source that was chosen for generator 0 is not ready yet.
+    waits: bool,
     /// CLKCTRL of the watchdog at reset: on if the user row has it on.
     wdt: u16,
 }
@@ -92,7 +97,7 @@ impl Gclk {
         divisor.of[2] = 32 << 8;
         let mut clocks = [0; CLOCKS];
         clocks[WDT] = wdt;
-        Self { sync, control, divisor, clocks, selected: 0, rates, wdt }
+        Self { sync, control, divisor, clocks, selected: 0, rates, waits: false, wdt }
     }
 
     /// The rate of generator 0, the CPU's.
@@ -112,7 +117,7 @@ impl Gclk {
         // Generator 1 first: it may be the source of others.
         for index in [1, 0, 2, 3, 4, 5, 6, 7, 8] {
             let control = self.control.of[index];
-            let source = match control >> 8 & 0x1F {
+            let source = match (control & SRC) >> 8 {
                 2 if index != 1 => self.rates[1],
                 3 => Some(sysctrl.osculp32k()),
                 4 => sysctrl.osc32k(now),
@@ -120,9 +125,13 @@ impl Gclk {
                 7 => sysctrl.dfll(now),
                 _ => None,
             };
-            self.rates[index] = source
+            let rate = source
                 .filter(|_| control & GENEN != 0)
                 .map(|rate| rate.divided(self.division(index)));
+            self.waits &= index != 0 || rate.is_none();
+            if index != 0 || !self.waits {
+                self.rates[index] = rate;
+            }
         }
     }
 
@@ -194,7 +203,11 @@ impl Gclk {
                     if self.control.selected == 0 && value & GENEN == 0 {
                         return Err(Refusal::Forbidden("generator 0 drives the CPU"));
                     }
-                    self.control.of[self.control.selected] = value & 0x003F_1F00;
+                    let before = &mut self.control.of[self.control.selected];
+                    let changes = (*before ^ value) & SRC != 0;
+                    let is_modelled = matches!((value & SRC) >> 8, 2 | 3 | 4 | 6 | 7);
+                    self.waits |= self.control.selected == 0 && changes && is_modelled;
+                    *before = value & 0x003F_1F00;
                     self.sync.begin(begin, 0);
                 }
             }
@@ -231,6 +244,24 @@ mod tests {
         gclk.resolve(Ticks::ZERO, &Sysctrl::new(&Options::default()));
         assert_eq!(hz(gclk.main()), 1e6);
         assert_eq!(gclk.clock(0x14), None);
+    }
+
+    /// The DFLL is off: generator 0 goes on from OSC8M, and a change of its divisor counts later.
+    #[test]
+    fn generator_0_runs_on_until_its_new_source_is_ready() {
+        let mut gclk = Gclk::new(&Options::default());
+        let sysctrl = Sysctrl::new(&Options::default());
+        gclk.resolve(Ticks::ZERO, &sysctrl);
+        write(&mut gclk, Ticks::ZERO, 0x04, Lanes::word(7 << 8 | GENEN));
+        gclk.resolve(Ticks::ZERO, &sysctrl);
+        assert_eq!(hz(gclk.main()), 1e6);
+        write(&mut gclk, Ticks::ZERO, 0x04, Lanes::word(3 << 8 | GENEN));
+        gclk.resolve(Ticks::ZERO, &sysctrl);
+        assert_eq!(hz(gclk.main()), 32_768.0);
+        // A crystal is not modelled.
+        write(&mut gclk, Ticks::ZERO, 0x04, Lanes::word(5 << 8 | GENEN));
+        gclk.resolve(Ticks::ZERO, &sysctrl);
+        assert_eq!(gclk.main(), None);
     }
 
     #[test]

@@ -24,6 +24,8 @@ pub(super) enum Block {
     Tcc(usize),
     Usb,
     Wdt,
+    Dmac,
+    Matrix,
     Unmodelled,
 }
 
@@ -73,7 +75,8 @@ const fn at(base: u32, bridge: Bridge, index: u32, name: &'static str, block: Bl
 }
 
 use Block::{
-    Dsu, Eic, Gclk, Nvmctrl, Pac, Pm, Port, Sercom, Sysctrl, Tc, Tcc, Unmodelled, Usb, Wdt,
+    Dmac, Dsu, Eic, Gclk, Matrix, Nvmctrl, Pac, Pm, Port, Sercom, Sysctrl, Tc, Tcc, Unmodelled,
+    Usb, Wdt,
 };
 use Bridge::{A, B, C};
 
@@ -91,10 +94,10 @@ pub(super) static ENTRIES: [Entry; 36] = [
     at(0x4100_2000, B, 1, "DSU", Dsu),
     at(0x4100_4000, B, 2, "NVMCTRL", Nvmctrl).irq(5),
     at(0x4100_4400, B, 3, "PORT", Port),
-    at(0x4100_4800, B, 4, "DMAC", Unmodelled),
+    at(0x4100_4800, B, 4, "DMAC", Dmac),
     at(0x4100_5000, B, 5, "USB", Usb).wired(7, 0x06),
     at(0x4100_6000, B, 6, "MTB", Unmodelled),
-    at(0x4100_7000, B, 6, "HMATRIX", Unmodelled),
+    at(0x4100_7000, B, 6, "HMATRIX", Matrix),
     at(0x4200_0000, C, 0, "PAC2", Pac(2)),
     at(0x4200_0400, C, 1, "EVSYS", Unmodelled),
     at(0x4200_0800, C, 2, "SERCOM0", Sercom(0)).wired(9, 0x14),

@@ -18,10 +18,11 @@
 //! | `eic` | external interrupts |
 //! | `wdt` | watchdog |
 //! | `pac`, `dsu` | write protection; device identity, CRC-32 of the flash |
+//! | `priorities` | priorities in DMAC and HMATRIX, without effect |
 //!
 //! `map` has their addresses, interrupt lines and clocks, `multiplexer` what the pins lead to.
 //!
-//! RTC, DMAC, MTB, HMATRIX, EVSYS, ADC, AC, DAC, PTC, I2S, TC6 and TC7 are not modelled: an access
+//! RTC, MTB, EVSYS, ADC, AC, DAC, PTC, I2S, TC6 and TC7 are not modelled: an access
 //! faults.
 
 mod access;
@@ -39,6 +40,7 @@ mod nvmctrl;
 mod pac;
 mod pm;
 mod port;
+mod priorities;
 mod sercom;
 mod sysctrl;
 mod tc;
@@ -74,6 +76,7 @@ pub(crate) struct Peripherals {
     eic: eic::Eic,
     nvmctrl: nvmctrl::Nvmctrl,
     port: port::Port,
+    priorities: priorities::Priorities,
     sercom: [sercom::Sercom; 6],
     tc: [tc::Tc; 3],
     tcc: [tcc::Tcc; 3],
@@ -105,6 +108,7 @@ impl Peripherals {
             eic: eic::Eic::new(options.syncbusy_hold),
             nvmctrl: nvmctrl::Nvmctrl::new(options),
             port: port::Port::default(),
+            priorities: priorities::Priorities::new(),
             sercom: [0, 1, 2, 3, 4, 5]
                 .map(|index| sercom::Sercom::new(index, options.syncbusy_hold)),
             tc: [0, 1, 2].map(|index| tc::Tc::new(index, options.syncbusy_hold)),
@@ -184,6 +188,8 @@ impl Peripherals {
             Block::Tcc(index) => self.tcc[index].read(now, offset),
             Block::Usb => self.usb.read(now, offset),
             Block::Wdt => self.wdt.read(offset),
+            Block::Dmac => self.priorities.read_dmac(offset),
+            Block::Matrix => self.priorities.read_matrix(offset),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }
     }
@@ -245,6 +251,8 @@ impl Peripherals {
             Block::Tcc(index) => self.tcc[index].write(bus, offset, lanes),
             Block::Usb => self.usb.write(bus, offset, lanes),
             Block::Wdt => self.wdt.write(bus, offset, lanes),
+            Block::Dmac => self.priorities.write_dmac(offset, lanes),
+            Block::Matrix => self.priorities.write_matrix(offset, lanes),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }?;
         let has_clocks = matches!(entry.block, Block::Pm | Block::Sysctrl | Block::Gclk);

@@ -159,8 +159,9 @@ fn accesses_that_no_model_covers_name_what_they_hit() {
 fn the_cpu_cannot_be_left_without_a_clock() {
     let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     bench.w32(GCLK + 8, 1 << 8);
-    let from_dfll = 7 << 8 | 1 << 16;
-    let error = bench.try_write(GCLK + 4, Width::Word, from_dfll).unwrap_err();
+    // No crystal is modelled.
+    let from_crystal = 5 << 8 | 1 << 16;
+    let error = bench.try_write(GCLK + 4, Width::Word, from_crystal).unwrap_err();
     assert!(matches!(error.refusal, Refusal::Forbidden(_)));
 }
 
@@ -472,4 +473,15 @@ fn a_pin_that_a_flip_leads_elsewhere_is_released_and_can_be_led_back() {
     assert_eq!(bench.r8(pmux + 1), 0x54);
     let (_, pin, level) = bench.board.edges.last().copied().unwrap();
     assert_eq!((pin, level), (Pin::b(11), true));
+}
+
+/// Start-up code of other projects raises the priority of the SRAM on the bus matrix.
+#[test]
+fn priorities_on_the_bus_matrix_are_stored() {
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
+    bench.w32(0x4100_7120, 2);
+    assert_eq!(bench.r32(0x4100_7120), 2);
+    assert_eq!(bench.r32(0x4100_480C), 0x15 << 16);
+    bench.w8(0x4100_480E, 0x2A);
+    assert_eq!(bench.r32(0x4100_480C), 0x2A << 16);
 }

@@ -16,7 +16,8 @@
 //! CTRL and CLEAR reach the watchdog's own clock (1,024 Hz as a rule) after its next edge and five
 //! periods: 4.9 to 5.9 ms, and take effect only then. A second write to one of them meanwhile
 //! stalls the bus until the first has arrived (data sheet, register synchronisation): the CPU and
-//! all interrupts stand still. With no clock it would stall for ever: that faults.
+//! all interrupts stand still. With no clock the first write waits for one, as in images that run
+//! on boards; the second would stall for ever: that faults.
 
 use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::Rate;
@@ -95,6 +96,17 @@ impl Wdt {
             }
         }
         self.clock = clock;
+        if let Some((at @ Ticks::NEVER, _)) = &mut self.arriving
+            && let Some(clock) = clock
+        {
+            *at = Self::arrival(clock, now, self.phase);
+        }
+    }
+
+    /// When a write of this moment reaches the watchdog.
+    fn arrival(clock: Rate, now: Ticks, phase: Ticks) -> Ticks {
+        let edge = clock.cycles_in(now + phase) + 1;
+        clock.duration(edge + SYNC_PERIODS).saturating_sub(phase)
     }
 
     /// Whether the watchdog has reset the chip since this was last asked.
@@ -238,12 +250,12 @@ impl Wdt {
 
     /// Starts the synchronisation of a write; returns the stall that the one before it causes.
     fn send(&mut self, bus: &mut Bus<'_>, arrival: Arrival) -> Write {
-        let Some(clock) = self.clock else {
-            return Err(Refusal::Forbidden(
-                "without a generic clock its writes never arrive, and the next one stalls the CPU for ever",
-            ));
-        };
         let begin = match self.arriving {
+            Some((Ticks::NEVER, _)) => {
+                return Err(Refusal::Forbidden(
+                    "a second write without a generic clock stalls the CPU for ever",
+                ));
+            }
             Some((at, _)) => {
                 bus.note("WDT", "written while SYNCBUSY: the CPU stands still");
                 // It arrives during the stall.
@@ -252,8 +264,8 @@ impl Wdt {
             }
             None => bus.now,
         };
-        let edge = clock.cycles_in(begin + self.phase) + 1;
-        let arrives = clock.duration(edge + SYNC_PERIODS).saturating_sub(self.phase);
+        let arrives =
+            self.clock.map_or(Ticks::NEVER, |clock| Self::arrival(clock, begin, self.phase));
         self.arriving = Some((arrives, arrival));
         Ok(begin - bus.now)
     }
@@ -451,12 +463,17 @@ mod tests {
     }
 
     #[test]
-    fn without_a_clock_a_write_is_refused() {
-        let mut rig = Rig::running();
-        rig.wdt.set_clock(rig.now, None);
+    fn without_a_clock_the_first_write_waits_and_the_second_is_refused() {
+        let mut rig = Rig { wdt: Wdt::new(&Options::default()), now: Ticks::from_ms(1) };
+        assert_eq!(rig.write(0x00, Lanes::new(u32::from(ENABLE), 0, 1)), Ticks::ZERO);
+        rig.run_to(10_000);
+        assert!(rig.busy());
         let mut bus =
             Bus { now: rig.now, board: &mut Unconnected, violations: &mut Violations::default() };
         let lanes = Lanes::new(u32::from(KEY), 0, 1);
         assert!(rig.wdt.write(&mut bus, 0x08, lanes).is_err());
+        rig.wdt.set_clock(rig.now, Some(Rate::from_hz(1024)));
+        rig.run_to(16_000);
+        assert!(!rig.busy());
     }
 }

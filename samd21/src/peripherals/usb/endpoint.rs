@@ -11,8 +11,8 @@
 //! | OUT, IN | STALLRQ is set | STALL and its flag |
 //!
 //! With MULTI_PACKET_SIZE, OUT gathers packets until that many bytes or a short packet have come;
-//! BYTE_COUNT above SIZE sends several IN packets while MULTI_PACKET_SIZE counts (D21-801); SETUP:
-//! D21-798.
+//! BYTE_COUNT above SIZE sends several IN packets while MULTI_PACKET_SIZE counts (D21-801). Behind
+//! the last it is 0 again: drivers that never write it work on boards. SETUP: D21-798.
 
 use super::{ENDPOINTS, RAMACER, Usb};
 use crate::memory::Memory;
@@ -317,12 +317,13 @@ impl Usb {
         let bytes = self.in_memory(bytes)?;
         let sent = sent + length;
         let zero_packet = length == bank.size() && bank.pcksize & AUTO_ZLP != 0;
-        bank.set_counts(total, sent);
+        let complete = sent >= total && !zero_packet;
+        bank.set_counts(total, if complete { 0 } else { sent });
         self.in_memory(bank.store(memory))?;
         let endpoint = &mut self.endpoints[index];
         let toggle = endpoint.status & DTGLIN != 0;
         endpoint.status ^= DTGLIN;
-        if sent >= total && !zero_packet {
+        if complete {
             endpoint.status &= !BK1RDY;
             endpoint.interrupts.flags |= TRCPT1;
         }

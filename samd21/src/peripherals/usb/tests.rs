@@ -123,6 +123,22 @@ fn in_sends_a_long_transfer_in_packets_with_a_zero_packet_if_asked() {
 }
 
 #[test]
+fn a_driver_that_writes_byte_count_alone_sends_one_packet_after_the_other() {
+    let (mut usb, mut memory) = ready();
+    config(&mut usb, 2, 0x33);
+    let pcksize = BASE + 2 * 32 + 20;
+    memory.ram_bytes_mut(0x2000_1A00, 3).unwrap().copy_from_slice(b"abc");
+    for (count, toggle) in [(3, false), (1, true), (3, false)] {
+        let others = memory.read_u32(pcksize).unwrap() & !0x3FFF;
+        memory.write_u32(pcksize, others | count).unwrap();
+        put(&mut usb, 2, 1, 0x80);
+        let sent = b"abc"[..count as usize].to_vec();
+        assert_eq!(usb.input(0, 2, &mut memory), Ok((sent, toggle)));
+        assert_eq!(status(&usb, 2) & 0x80, 0);
+    }
+}
+
+#[test]
 fn stall_answers_both_ways_until_a_setup() {
     let (mut usb, mut memory) = ready();
     config(&mut usb, 0, 0x11);
