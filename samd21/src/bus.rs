@@ -43,13 +43,20 @@ impl Bus<'_> {
         self.usb_host.settle(now, &mut self.peripherals.usb, self.memory);
     }
 
-    /// Reads from a peripheral, or a word of the auxiliary flash rows.
+    /// Reads from a peripheral, or a word of the auxiliary flash rows; and how long the bus stalls
+    /// the CPU beyond the access itself.
     ///
     /// # Errors
     /// Nothing answers there, or the access is one that no model covers.
-    pub(crate) fn read(&mut self, now: Ticks, addr: u32, width: Width) -> Result<u32, BusError> {
+    pub(crate) fn read(
+        &mut self,
+        now: Ticks,
+        addr: u32,
+        width: Width,
+    ) -> Result<(u32, Ticks), BusError> {
         self.settle(now);
-        self.peripherals.read(now, addr, width, self.board)
+        let value = self.peripherals.read(now, addr, width, self.board)?;
+        Ok((value, self.peripherals.read_stall(addr)))
     }
 
     /// Writes to a peripheral, or to the page buffer where `addr` lies in flash. Returns how long

@@ -51,7 +51,7 @@ impl<B: Board> Bench<B> {
     pub(crate) fn try_read(&mut self, addr: u32, width: Width) -> Result<u32, BusError> {
         self.pass(Ticks(2));
         let now = self.now;
-        self.bus().read(now, addr, width)
+        self.bus().read(now, addr, width).map(|(value, _)| value)
     }
 
     pub(crate) fn try_write(

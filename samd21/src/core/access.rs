@@ -14,6 +14,7 @@
 //! executed are fetched, a half-word each.
 
 use super::{Core, FLASH_LINES, Outcome, Trap, parts};
+use crate::board::Ticks;
 use crate::bus::Bus;
 use crate::fault::FaultKind;
 use crate::memory::{RAM_BASE, RAM_SIZE};
@@ -89,12 +90,18 @@ impl Core {
     #[cold]
     #[inline(never)]
     fn load_device(&mut self, bus: &mut Bus<'_>, address: u32, width: Width) -> Outcome<u32> {
-        // Reading moves neither what is due next nor a line of an interrupt: no attention is asked.
+        // Reading moves neither what is due next nor a line of an interrupt.
         if is_system_control(address) {
             return self.read_system_control(address, width);
         }
-        bus.read(self.now(), address, width)
-            .map_err(|error| refused(error, FaultKind::UnmappedLoad { address }))
+        let (value, stall) = bus
+            .read(self.now(), address, width)
+            .map_err(|error| refused(error, FaultKind::UnmappedLoad { address }))?;
+        if stall > Ticks::ZERO {
+            self.ask_attention();
+            self.stall = parts(stall);
+        }
+        Ok(value)
     }
 
     #[cold]

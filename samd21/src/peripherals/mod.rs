@@ -194,6 +194,17 @@ impl Peripherals {
         }
     }
 
+    /// How long reading at `addr` stalls the bus.
+    pub(crate) fn read_stall(&self, addr: u32) -> Ticks {
+        let is_count = addr & 0x3FC == tc::COUNT;
+        match is_count.then(|| map::find(addr)).flatten() {
+            Some(Entry { block: Block::Tc(index), .. }) => {
+                Ticks((self.tc[*index].count_stall_cycles() * self.cycle) >> FRACTION)
+            }
+            _ => Ticks::ZERO,
+        }
+    }
+
     /// Writes a register, or, in the address range of the flash, the page buffer. Returns how long
     /// the bus stalls the CPU beyond the access itself. What was due until `now` has run.
     pub(crate) fn write(

@@ -12,14 +12,14 @@
 //! | 18, 1A or 1C | CC0, CC1 | 16 or 32 bits |
 //!
 //! TOP is CC0 in MFRQ and MPWM, else the counter's end. All registers share one synchroniser: a
-//! write while SYNCBUSY is set stalls the bus. COUNT read without a request gives the present
-//! count.
+//! write while SYNCBUSY is set stalls the bus. COUNT read without a request gives the present count,
+//! and stalls the bus for 14 cycles at equal clocks: with 12 to 18 an image whose limits are
+//! published from a SAMD21G18 reaches them here, too.
 //!
 //! | left out | why |
 //! |---|---|
 //! | waveforms on pins | time bases only: routing one to a pin faults |
 //! | COUNT8, down-counting, capture, events, DMA | not used: setting one faults |
-//! | the stall of reading COUNT without a request | reads do not stall in this bus |
 //! | TC6, TC7 | not on the SAMD21G |
 
 use super::access::{Bus, DONE, ENABLE, Lanes, RESERVED, Read, Refusal, SWRST, Write};
@@ -33,6 +33,9 @@ const MODE: u32 = 3 << 2;
 const MODE_COUNT32: u32 = 2 << 2;
 /// CTRLA: MODE, WAVEGEN, PRESCALER, RUNSTDBY, PRESCSYNC.
 const CTRLA_MODELLED: u32 = MODE | 3 << 5 | 0x3F00;
+
+/// Offset of COUNT.
+pub(crate) const COUNT: u32 = 0x10;
 
 const DIR: u8 = 1 << 0;
 const ONESHOT: u8 = 1 << 2;
@@ -153,12 +156,18 @@ impl Tc {
                 status |= if self.is_slave { SLAVE } else { 0 };
                 self.interrupts.read_bytes() | u32::from(status) << 24
             }
-            0x10 => self.requested.unwrap_or_else(|| self.counter.count(now)),
+            COUNT => self.requested.unwrap_or_else(|| self.counter.count(now)),
             0x18 if self.is_32_bits() => self.cc[0],
             0x18 => self.cc[0] | self.cc[1] << 16,
             0x1C if self.is_32_bits() => self.cc[1],
             _ => return Err(RESERVED),
         })
+    }
+
+    /// For how many cycles reading COUNT stalls the bus.
+    pub(crate) fn count_stall_cycles(&self) -> u64 {
+        let is_unasked = self.read_request & RCONT == 0 && self.requested.is_none();
+        if is_unasked { 14 } else { 0 }
     }
 
     pub(crate) fn write(&mut self, bus: &mut Bus<'_>, offset: u32, lanes: Lanes) -> Write {
@@ -200,7 +209,7 @@ impl Tc {
                     return Err(Refusal::Unmodelled("EVCTRL"));
                 }
             }
-            0x10 => {
+            COUNT => {
                 self.counter.halt(now);
                 self.counter.held = lanes.merge(self.counter.held) & self.max();
                 self.requested = None;

@@ -485,3 +485,13 @@ fn priorities_on_the_bus_matrix_are_stored() {
     bench.w8(0x4100_480E, 0x2A);
     assert_eq!(bench.r32(0x4100_480C), 0x2A << 16);
 }
+
+#[test]
+fn a_count_read_without_a_request_stalls_the_bus() {
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
+    bench.start_clocks();
+    let count = 0x4200_3010;
+    let stall = |bench: &Bench| bench.peripherals.read_stall(count);
+    assert_eq!(stall(&bench), Ticks(14));
+    assert_eq!(bench.peripherals.read_stall(count - 4), Ticks::ZERO);
+}
