@@ -87,6 +87,14 @@ impl Dfll {
         self.deviation(now).abs() < EXACT
     }
 
+    /// Finds COARSE and FINE of 48 MHz, as the closed loop does before it locks.
+    pub(super) fn lock(&mut self, now: Ticks) {
+        self.fine = FINE_MIDDLE;
+        let steps = (-self.deviation(now) / COARSE_STEP).round();
+        self.coarse = (f64::from(self.coarse) + steps).clamp(0.0, 63.0) as u8;
+        self.regulate(now, u32::MAX);
+    }
+
     /// The rate now. A DFLL to which no firmware has given a COARSE runs very slowly.
     pub(super) fn rate(&self, now: Ticks) -> Rate {
         let parts = f64::from(1_u32 << FRACTION);
@@ -146,6 +154,14 @@ mod tests {
         let later = Ticks::from_ms(100_050);
         let error = dfll.rate(later).hz() / 48e6 - 1.0;
         assert!((error - 0.002).abs() < 16e-6, "{error}");
+    }
+
+    #[test]
+    fn a_closed_loop_finds_coarse_itself() {
+        let mut dfll = Dfll::new(-31_000, 0, 0x1F);
+        assert!(dfll.rate(Ticks::ZERO).hz() < 1e6);
+        dfll.lock(Ticks::ZERO);
+        assert_eq!(dfll.rate(Ticks::ZERO), Rate::from_hz(48_000_000));
     }
 
     #[test]

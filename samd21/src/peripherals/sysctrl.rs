@@ -208,7 +208,7 @@ impl Sysctrl {
             self.next_drift = now + DRIFT_STEP;
         }
         if self.dfll_locked == now && !self.recovers_from_usb() {
-            self.dfll.regulate(now, u32::MAX);
+            self.dfll.lock(now);
         }
     }
 
