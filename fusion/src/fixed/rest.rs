@@ -266,7 +266,7 @@ impl Rest {
             && state.missing <= self.needed
             && state.early <= self.early
             && state.learned <= self.most_learned
-            && are_within(&state.sums, 1 << 28)
+            && are_within(&state.sums, (self.mask as i32 + 1) << 15)
             && are_within(&references, 1 << 15)
             && state.axes.iter().take(3).all(|axis| {
                 let newest = if learns { axis.newest } else { 0 };
