@@ -12,9 +12,9 @@
 //! does not divide. A watchdog that an erased user row has on then takes a second, as on boards.
 //!
 //! A write while SYNCBUSY is set stalls the bus until it is clear (common synchroniser).
-//! Generator 0 must run: a write that would stop it faults, as the chip would stop for ever. It runs
-//! on from its source while another that was chosen is not ready (15.6.2.6); that the old source
-//! stops meanwhile is left out.
+//! Generator 0 must run: a write that would stop it faults, as the chip would stop for ever. While
+//! the source that was chosen for it is not ready, it runs on from the source before (15.6.2.6),
+//! and that this one may stop is left out.
 //!
 //! | left out | why |
 //! |---|---|

@@ -12,8 +12,8 @@
 //! | 18, 1A or 1C | CC0, CC1 | 16 or 32 bits |
 //!
 //! TOP is CC0 in MFRQ and MPWM, else the counter's end. All registers share one synchroniser: a
-//! write while SYNCBUSY is set stalls the bus. COUNT read without a request gives the present count,
-//! and stalls the bus for 14 cycles at equal clocks: with 12 to 18 an image whose limits are
+//! write while SYNCBUSY is set stalls the bus. COUNT read without a request gives the present
+//! count, and stalls the bus for 14 cycles at equal clocks: with 12 to 18 an image whose limits are
 //! published from a SAMD21G18 reaches them here, too.
 //!
 //! | left out | why |
