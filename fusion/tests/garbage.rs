@@ -219,13 +219,13 @@ fn vibration_and_blows_leave_a_right_attitude() {
         for hz in [0.9, 4.01, 8.0, 12.5, 12.52, 16.0, 24.03, 25.0, 37.5, 49.97] {
             let swing = |t: f64| 30.0 * (2.0 * std::f64::consts::PI * hz * t).sin();
             let off_deg = worst_when_shaken_deg(filter, swing);
-            assert!(off_deg < 8.0, "{name}, {hz} Hz: {off_deg} deg");
+            assert!(off_deg < 2.0, "{name}, {hz} Hz: {off_deg} deg");
         }
         // A tenth of the time five times gravity.
         for every_s in [0.25, 0.5, 1.0, 2.0] {
             let blow = |t: f64| if t % every_s < 0.1 * every_s { 39.2 } else { -4.36 };
             let off_deg = worst_when_shaken_deg(filter, blow);
-            assert!(off_deg < 8.0, "{name}, a blow every {every_s} s: {off_deg} deg");
+            assert!(off_deg < 2.0, "{name}, a blow every {every_s} s: {off_deg} deg");
         }
     }
 }
