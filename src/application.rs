@@ -239,8 +239,7 @@ impl<'a> Application<'a> {
         if self.flight.catch_up() {
             self.guard.open_settings();
         }
-        let standby_imu = self.sensor.standby_is_ready(now);
-        let status = &BoardStatus { standby_imu, ..board.status() };
+        let status = &board.status();
         if let Some(index) = self.flight.learn(status) {
             self.guard.open_settings();
             self.telemetry.report_param(index, self.flight.params());
@@ -250,7 +249,7 @@ impl<'a> Application<'a> {
 
     /// Tell the host and the recorder of a step.
     fn tell(&mut self, snapshot: &Snapshot, status: &BoardStatus) {
-        self.telemetry.record(snapshot, self.flight, self.sensor.health().fresh, status);
+        self.telemetry.record(snapshot, self.flight, &self.sensor.status(snapshot.now), status);
         self.telemetry.tell_memory(snapshot, self.flight, self.sensor.refresh());
         self.recorder.record(snapshot, self.flight);
         self.telemetry.serve_recorder(self.recorder);

@@ -18,6 +18,4 @@ pub struct BoardStatus {
     /// What USB has disciplined the clock to, where it has been looked at: FINE of the DFLL, 0 to
     /// 1023.
     pub clock_fine: Option<u16>,
-    /// Whether the sensor that stands by could fly from the next tick on; `None` if there is none.
-    pub standby_imu: Option<bool>,
 }

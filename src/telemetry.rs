@@ -63,6 +63,7 @@ use crate::bringup;
 use crate::config::{HEARTBEAT_PERIOD_US, HOST_GONE_US};
 use crate::failsafe::{Command, RefusalKind, State};
 use crate::flight::{Flight, Snapshot};
+use crate::sensor::SensorStatus;
 use crate::servo::PulseUs;
 use crate::store::Saving;
 use download::Download;
@@ -206,7 +207,7 @@ impl Telemetry {
         &mut self,
         snapshot: &Snapshot,
         flight: &Flight,
-        fresh: u32,
+        sensor: &SensorStatus,
         board: &BoardStatus,
     ) {
         if self.announced.is_none() {
@@ -224,14 +225,14 @@ impl Telemetry {
             self.heartbeat(&snapshot.state);
         }
         if self.rates.due(Stream::Status) || due {
-            self.system_status(snapshot, flight, board);
+            self.system_status(snapshot, flight, sensor, board);
         }
         self.memory_due |= self.rates.due(Stream::Memory) || due;
         if due {
             self.heartbeat_at = Some(snapshot.now);
-            self.bus_status(snapshot, fresh, board);
+            self.bus_status(snapshot, sensor.fresh, board);
             self.uncertainty(snapshot, flight);
-            self.watch_standby(board);
+            self.watch_standby(sensor);
             match (&snapshot.state, snapshot.fault) {
                 (State::Boot, Some(fault)) => self.warn(format_args!("{fault}")),
                 // Who begins to listen now is to know why.
@@ -382,7 +383,13 @@ impl Telemetry {
     /// Load and health. Sensors are present always, healthy while samples come; what is enabled but
     /// not healthy is what clients report as a fault. The check before arming is healthy where an
     /// order to arm is obeyed, and while the drone is armed.
-    fn system_status(&mut self, snapshot: &Snapshot, flight: &Flight, board: &BoardStatus) {
+    fn system_status(
+        &mut self,
+        snapshot: &Snapshot,
+        flight: &Flight,
+        sensor: &SensorStatus,
+        board: &BoardStatus,
+    ) {
         let inertial = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO
             | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_ACCEL;
         let magnetometer = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_MAG;
@@ -391,7 +398,7 @@ impl Telemetry {
             | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_ACCEL2;
         let mut sensors = inertial;
         sensors.set(magnetometer, has_mag);
-        sensors.set(second, board.standby_imu.is_some());
+        sensors.set(second, sensor.standby.is_some());
         let attitude = MavSysStatusSensor::MAV_SYS_STATUS_AHRS;
         let control = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_ATTITUDE_STABILIZATION;
         let readiness = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
@@ -403,7 +410,7 @@ impl Telemetry {
         let mut health = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
         health.set(inertial, snapshot.sensor_healthy);
         health.set(magnetometer, snapshot.sensor_healthy && snapshot.field_healthy);
-        health.set(second, board.standby_imu == Some(true));
+        health.set(second, sensor.standby == Some(true));
         health.set(attitude, snapshot.sensor_healthy && snapshot.settled);
         health.set(control, !matches!(snapshot.state, State::Failsafe(_)));
         let is_ready = snapshot.state.is_armed() || flight.may(snapshot.now, Command::Arm).is_ok();
@@ -447,8 +454,8 @@ impl Telemetry {
     }
 
     /// A sensor that should stand by and cannot fly is told once.
-    fn watch_standby(&mut self, board: &BoardStatus) {
-        let is_missing = board.standby_imu == Some(false);
+    fn watch_standby(&mut self, sensor: &SensorStatus) {
+        let is_missing = sensor.standby == Some(false);
         self.standby_missing = if is_missing { self.standby_missing.saturating_add(1) } else { 0 };
         if self.standby_missing == STANDBY_PATIENCE {
             self.warn(format_args!("second IMU does not stand by"));

@@ -248,8 +248,6 @@ impl application::Board for Board {
             clock_fine: (self.steps == 0 && self.port.port() != application::Port::Absent)
                 .then(clocks::locked_fine)
                 .flatten(),
-            // The drivers know.
-            standby_imu: None,
         }
     }
 

@@ -72,6 +72,15 @@ impl Kind {
     }
 }
 
+/// How the sensors do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SensorStatus {
+    /// Bursts with new words since the start, modulo 2^32.
+    pub fresh: u32,
+    /// Whether the sensor that stands by could fly from the next tick on; `None` if there is none.
+    pub standby: Option<bool>,
+}
+
 /// The sensors of this vehicle: one flies, and another may stand by.
 #[derive(Clone, Debug)]
 pub struct Sensor {
@@ -140,9 +149,11 @@ impl Sensor {
         }
     }
 
-    /// Whether the sensor that stands by could fly from the next tick on; `None` if there is none.
-    pub fn standby_is_ready(&self, now: Micros) -> Option<bool> {
-        self.standby.as_ref().map(|standby| standby.is_ready(now))
+    /// How the sensors do at `now`.
+    #[must_use]
+    pub fn status(&self, now: Micros) -> SensorStatus {
+        let standby = self.standby.as_ref().map(|standby| standby.is_ready(now));
+        SensorStatus { fresh: self.health().fresh, standby }
     }
 
     /// While the vehicle is armed, what two sensors differ by stays.

@@ -139,20 +139,21 @@ pub(crate) fn peek(address: u32) -> Vec<u8> {
 struct Link {
     desk: Desk,
     telemetry: Telemetry,
+    sensor: SensorStatus,
     board: BoardStatus,
 }
 
 impl Link {
     fn new(desk: Desk) -> Self {
-        let board = BoardStatus::default();
-        let mut link = Self { desk, telemetry: Telemetry::default(), board };
+        let (sensor, board) = (SensorStatus::default(), BoardStatus::default());
+        let mut link = Self { desk, telemetry: Telemetry::default(), sensor, board };
         link.record_step();
         take(&mut link.telemetry);
         link
     }
 
     fn record(&mut self, snapshot: &Snapshot) {
-        self.telemetry.record(snapshot, &self.desk.flight, 0, &self.board);
+        self.telemetry.record(snapshot, &self.desk.flight, &self.sensor, &self.board);
     }
 
     fn record_step(&mut self) {
@@ -240,8 +241,8 @@ fn heartbeat_and_status_come_once_a_second() {
 #[test]
 fn a_missing_second_sensor_is_told_once_and_shows_in_the_status() {
     let mut link = Link::new(Desk::in_standby(0.1));
-    let mut seconds = |standby_imu, seconds: u32| {
-        link.board.standby_imu = standby_imu;
+    let mut seconds = |standby, seconds: u32| {
+        link.sensor.standby = standby;
         let mut messages = Vec::new();
         for _ in 0..100 * seconds {
             link.record_step();
@@ -295,7 +296,12 @@ fn a_sensor_that_does_not_start_is_told_once_a_second() {
     let mut said = Vec::new();
     for _ in 0..300 {
         let snapshot = desk.step_with(Err(SensorFault::Nak));
-        telemetry.record(&snapshot, &desk.flight, 0, &BoardStatus::default());
+        telemetry.record(
+            &snapshot,
+            &desk.flight,
+            &SensorStatus::default(),
+            &BoardStatus::default(),
+        );
         said.extend(texts(&take(&mut telemetry)));
     }
     let fault = "IMU does not answer";

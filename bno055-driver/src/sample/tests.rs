@@ -276,14 +276,16 @@ fn in_a_fast_hand_no_burst_is_suspect() {
 }
 
 /// Bursts every 6.667 ms of an accelerometer with noise, and of rates that change at every refresh
-/// of `period_us` until `died_us`. Gives the time from then to the first refused burst, us.
-fn dead_after_us(config: &Config, period_us: u64, died_us: u64) -> Option<u64> {
+/// of `period_us` until `died_us`, where a rate jumps by `jump`. Gives the time from then to the
+/// first refused burst, us.
+fn dead_after_us(config: &Config, period_us: u64, died_us: u64, jump: i16) -> Option<u64> {
     let mut inspector = Inspector::default();
     (0..6_000)
         .map(|tick| tick * 6_667)
         .find(|&time| {
             let refresh = time.min(died_us) / period_us;
-            let burst = with(&[(0, (time % 7) as i16), (7, (refresh % 5) as i16)]);
+            let rate = (refresh % 5) as i16 + if time < died_us { 0 } else { jump };
+            let burst = with(&[(0, (time % 7) as i16), (7, rate)]);
             let judged = judge(&mut inspector, config, Micros(time), &bytes(burst), false);
             assert!(matches!(judged, Ok(_) | Err(SensorFault::Frozen)));
             judged.is_err()
@@ -294,26 +296,30 @@ fn dead_after_us(config: &Config, period_us: u64, died_us: u64) -> Option<u64> {
 #[test]
 fn rates_that_stand_still_for_several_refreshes_are_dead() {
     let config = Config::default();
-    // 100 Hz, 200 Hz, 35 Hz and 10 Hz.
-    for (period_us, least_us, most_us) in [
-        (10_000, 55_000, 75_000),
-        (5_000, 55_000, 75_000),
-        (28_571, 140_000, 185_000),
-        (100_000, 500_000, 620_000),
+    // 100 Hz, 200 Hz, 35 Hz and 10 Hz. A jump of 20 deg/s comes with the death or does not.
+    for (period_us, jump, least_us, most_us) in [
+        (10_000, 0, 55_000, 75_000),
+        (10_000, 320, 35_000, 50_000),
+        (5_000, 0, 55_000, 75_000),
+        (5_000, 320, 35_000, 50_000),
+        (28_571, 0, 140_000, 185_000),
+        (28_571, 320, 95_000, 125_000),
+        (100_000, 0, 500_000, 620_000),
+        (100_000, 320, 340_000, 420_000),
     ] {
-        let after_us = dead_after_us(&config, period_us, 20_000_000).unwrap();
+        let after_us = dead_after_us(&config, period_us, 20_000_000, jump).unwrap();
         assert!((least_us..most_us).contains(&after_us), "{after_us}");
-        assert_eq!(dead_after_us(&config, period_us, u64::MAX), None);
+        assert_eq!(dead_after_us(&config, period_us, u64::MAX, jump), None);
     }
     let quiet = Config {
         sensors: Sensors { gyr_bandwidth: GyrBandwidth::Hz12, ..Sensors::default() },
         ..Config::default()
     };
-    let after_us = dead_after_us(&quiet, 10_000, 20_000_000).unwrap();
+    let after_us = dead_after_us(&quiet, 10_000, 20_000_000, 0).unwrap();
     assert!((80_000..100_000).contains(&after_us), "{after_us}");
     // Fusion removes offset and noise, and a rate of zero may stand: all words count.
     let fusion = Config { mode: Mode::Ndof, ..Config::default() };
-    assert_eq!(dead_after_us(&fusion, 10_000, 1_000_000), None);
+    assert_eq!(dead_after_us(&fusion, 10_000, 1_000_000, 0), None);
 }
 
 /// The refresh rate is not known yet, so 10 Hz are allowed.

@@ -155,12 +155,16 @@ impl Inspector {
         is_whole: bool,
         behind_failure: bool,
     ) -> Result<Judged, SensorFault> {
-        let fresh = self.last.as_ref() != Some(now);
-        let moves = match self.last.replace(*now) {
-            Some(last) if rules.has_noisy_gyr => last.gyr() != now.gyr(),
-            _ => fresh,
+        let last = self.last.replace(*now);
+        let fresh = last.as_ref() != Some(now);
+        let (moves, jumps) = match last {
+            Some(last) if rules.has_noisy_gyr => {
+                let (last, now) = (last.gyr(), now.gyr());
+                (last != now, moved(&last, &now, rules.disturbed_jump))
+            }
+            _ => (fresh, false),
         };
-        self.still.look(time, moves);
+        self.still.look(time, moves, jumps);
         let good = self.recent(time).copied();
         // Behind a gap nothing tells whether a jump goes on.
         let held = self.held.take().zip(good);

@@ -26,13 +26,15 @@ pub(super) struct Still {
     since: Option<Micros>,
     /// Bursts since then, with that burst.
     bursts: u8,
+    /// Whether the words jumped in the last refresh that changed them.
+    behind_jump: bool,
     /// Mean time between two changes, us.
     mean_us: u32,
 }
 
 impl Default for Still {
     fn default() -> Self {
-        Self { since: None, bursts: 0, mean_us: SLOWEST_US }
+        Self { since: None, bursts: 0, behind_jump: false, mean_us: SLOWEST_US }
     }
 }
 
@@ -42,8 +44,9 @@ impl Still {
         Self { since: None, ..*self }
     }
 
-    /// Takes whether the words of a burst at `time` differ from the words before.
-    pub(super) fn look(&mut self, time: Micros, differ: bool) {
+    /// Takes whether the words of a burst at `time` differ from the words before, and whether they
+    /// jumped.
+    pub(super) fn look(&mut self, time: Micros, differ: bool, jumped: bool) {
         if !differ {
             self.bursts = self.bursts.saturating_add(1);
             return;
@@ -52,13 +55,17 @@ impl Still {
             let us = time.since(since).min(SLOWEST_US.into()) as u32;
             self.mean_us = (15 * self.mean_us + us) / 16;
         }
+        // A refresh within a burst changes some words in this burst and the rest in the next.
+        self.behind_jump = jumped || self.bursts <= 2 && self.behind_jump;
         self.bursts = 1;
     }
 
     /// Whether the words have stood still for `least_us` and for [`PERIODS`] mean times up to
-    /// `time`.
+    /// `time`. Behind a jump two thirds of that suffice: a gyroscope that dies shows other rates and
+    /// keeps them. Four equal refreshes follow one sound jump in 10^7.
     pub(super) fn is_dead(&self, time: Micros, least_us: u32) -> bool {
         let limit_us = least_us.max(PERIODS * self.mean_us);
+        let limit_us = if self.behind_jump { limit_us / 3 * 2 } else { limit_us };
         let stood = |since| time.since(since) >= limit_us.into();
         self.bursts >= BURSTS && self.since.is_some_and(stood)
     }

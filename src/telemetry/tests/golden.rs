@@ -37,9 +37,13 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
         bursts: BurstTimes { mean_us: 4423, max_us: 4580 },
         stop_us: 180,
         clock_fine: None,
-        standby_imu: None,
     };
-    telemetry.record(&golden_snapshot(), &flight, 100, &board);
+    telemetry.record(
+        &golden_snapshot(),
+        &flight,
+        &SensorStatus { fresh: 100, standby: None },
+        &board,
+    );
     let expected = [
         "statustext_clock",
         "heartbeat_active",
