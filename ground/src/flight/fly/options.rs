@@ -30,7 +30,7 @@ Examples:
   tvc fly --vehicle rocket --seeds 12    a rocket through its burn: schedule, constant gains, cascade
   tvc fly --vehicle heavy.toml           another drone, another servo; or another rocket
   tvc fly --json > flight.json           figures for a script, nothing else on standard output
-  tvc fly --vibration 5,180 --servo-supply 5.5 --thrust-ramp 80,0.5
+  tvc fly --vibration 5,180 --servo-supply 5.5 --thrust-ramp 90,0.5
                                          an unbalanced propeller, a weak battery, a slow motor
   tvc fly --faults scenarios/faults.toml     faults of the sensor at times of the flight
   tvc fly --start 0.4 --vcd flight.vcd   bus and pins of the flight for sigrok or GTKWave
