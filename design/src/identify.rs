@@ -18,7 +18,7 @@ use rig::ServoKind;
 use tvc_nano::Axis;
 use tvc_nano::ticks::TickPlan;
 
-use crate::vehicle::VehicleChoice;
+use crate::vehicle::{Vehicle, VehicleChoice};
 use flights::arguments::AxisName;
 use flights::log::{Flight, Release};
 use report::exit::{BadInput, Verdict};
@@ -90,6 +90,7 @@ pub fn run(options: &Identify) -> Result<Verdict> {
         kind::keep_apart(out, options.vehicle.file())?;
     }
     let nominal = options.vehicle.drone(options.servo)?;
+    let vehicle = options.vehicle.read(options.servo)?;
     let spinner = progress::spinner("{spinner} {msg}");
     spinner.enable_steady_tick(Duration::from_millis(200));
     spinner.set_message("searching for the parameters");
@@ -98,7 +99,8 @@ pub fn run(options: &Identify) -> Result<Verdict> {
     let found = found?;
     figures(&found).conclude(options.json, None)?;
     if let Some(out) = &options.out {
-        write_whole(out, parameter_file(&found, &options.logs).as_bytes())?;
+        let vehicle = Vehicle { setup: found.setup, ..vehicle };
+        write_whole(out, vehicle_file(&vehicle, &found, &options.logs).as_bytes())?;
         eprintln!("parameters: {}", out.display());
     }
     if !found.explains() {
@@ -271,8 +273,8 @@ fn take(columns: &Columns, row: &StringRecord, record: &mut Record) -> Result<()
     Ok(())
 }
 
-/// The whole setup as a vehicle's file, with the estimates and their deviations as comments.
-fn parameter_file(found: &Identification, logs: &[PathBuf]) -> String {
+/// The whole vehicle as a file, with the estimates and their deviations as comments.
+fn vehicle_file(vehicle: &Vehicle, found: &Identification, logs: &[PathBuf]) -> String {
     let logs: Vec<_> = logs.iter().map(|log| log.display().to_string()).collect();
     let mut text = format!("# Identified from {}.\n", logs.join(", "));
     for estimate in found.estimates.iter().chain([&found.pitch_gain]) {
@@ -283,7 +285,7 @@ fn parameter_file(found: &Identification, logs: &[PathBuf]) -> String {
             estimate.name, estimate.value, estimate.deviation, estimate.nominal
         );
     }
-    text + "\n" + &found.setup.to_toml()
+    text + "\n" + &vehicle.to_toml()
 }
 
 /// The estimates as the terminal shows them.

@@ -189,6 +189,16 @@ impl Vehicle {
         }
     }
 
+    /// A drone's file, every key written out; [`Vehicle::parse`] reads it back.
+    pub fn to_toml(&self) -> String {
+        let drone = self.setup.to_toml();
+        if self.kind != VehicleKind::Drone2 {
+            return drone;
+        }
+        let two_axes = toml::to_string(&self.two_axes).unwrap_or_default();
+        format!("{drone}\n[two_axes]\n{two_axes}")
+    }
+
     /// Hangs it on the bench. Where parameters are stored, those that its image needs are, too.
     ///
     /// # Errors
@@ -319,6 +329,8 @@ mod tests {
     fn tables_say_what_kind_it_is() {
         let two = read("[two_axes]\nlateral_cm_m = \"2 mm\"").unwrap();
         assert_eq!((two.kind, two.two_axes.lateral_cm_m), (VehicleKind::Drone2, 0.002));
+        let again = read(&two.to_toml()).unwrap();
+        assert_eq!((again.kind, again.two_axes), (two.kind, two.two_axes));
         assert_eq!(read("[drone]\nthrust_n = 20").unwrap().kind, VehicleKind::Drone);
         let rocket = read("[rocket]\npreset = \"SPICA\"\nburn_s = 80").unwrap();
         assert_eq!(rocket.kind, VehicleKind::Rocket);

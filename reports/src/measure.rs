@@ -215,15 +215,28 @@ impl Figure {
 
     /// The value as the tables show it, without its unit.
     fn cell(&self) -> String {
-        let decimals = self.decimals;
         match &self.value {
             _ if self.words.is_some() => self.words.clone().unwrap_or_default(),
-            Value::Real(number) => format!("{:.decimals$}", number * self.scale),
+            Value::Real(number) => self.rounded(*number),
             Value::Count(count) => count.to_string(),
             Value::Flag(flag) => if *flag { "yes" } else { "no" }.into(),
             Value::Text(text) => text.clone(),
             _ => self.missing.into(),
         }
+    }
+
+    /// The number with its decimals, or with up to three more where a number that misses its limit
+    /// would seem to meet it.
+    fn rounded(&self, number: f64) -> String {
+        let least = self.decimals;
+        let mut texts =
+            (least..=least + 3).map(|places| format!("{:.places$}", number * self.scale));
+        let misses = |text: &String| {
+            let shown = text.parse().map_or(f64::NAN, |shown: f64| shown / self.scale);
+            self.limit.is_none_or(|limit| limit.met_by(number) || !limit.met_by(shown))
+        };
+        let text = texts.clone().find(misses);
+        text.or_else(|| texts.next()).unwrap_or_default()
     }
 
     /// The value with its unit.
@@ -513,6 +526,15 @@ That is all.
                 "start 0.40 rad: settling: never, required: at most 0.75",
             ]
         );
+    }
+
+    #[test]
+    fn a_number_that_misses_its_limit_by_little_shows_it() {
+        for (number, text) in [(1.2504, "1.2504"), (1.254, "1.254"), (1.26, "1.26"), (1.25, "1.25")]
+        {
+            let figure = figure("ratio", number).shown("ratio", "", 2).limit(Limit::AtMost(1.25));
+            assert_eq!(figure.cell(), text);
+        }
     }
 
     #[test]
