@@ -12,6 +12,11 @@ pub const TRIM_LIMIT_RAD: f32 = 0.25;
 /// the 6 rad/s of a fall that is 0.4 rad, still inside the rudder's reach.
 pub const DATA_AGE_LIMIT_US: u64 = 65_000;
 
+/// What a good sample takes from the age of the data, us: two ticks, its own and one without a
+/// sample. Each gap adds an error to the attitude. Where less than half of the samples are good,
+/// the attitude is soon not trusted.
+pub const SAMPLE_MAKES_UP_US: u64 = 13_400;
+
 /// Longest clock stretching of a byte that is measured, us.
 pub const STRETCH_MAX_US: u32 = 1_000;
 

@@ -14,7 +14,7 @@ use tvc_imu::{Micros, RawSample, SensorFault};
 
 use crate::config::{
     COS_ARM_TILT_Q30, COS_FAILSAFE_TILT_Q30, DATA_AGE_LIMIT_US, FAILSAFE_TILT_US, HOST_SILENCE_US,
-    RECOVERY_SAMPLES,
+    RECOVERY_SAMPLES, SAMPLE_MAKES_UP_US,
 };
 use crate::self_test::{SelfTest, Verdict};
 use crate::store::Loaded;
@@ -67,7 +67,8 @@ pub struct Supervisor {
     /// What of the start-up's report has not been acknowledged.
     report: BootReport,
     health: Health,
-    /// Time of the newest good sample.
+    /// The time that the data are of: that of the newest good sample, or one before it where few
+    /// samples were good.
     fresh: Option<Micros>,
     /// Good samples in a row, up to [`RECOVERY_SAMPLES`].
     good_run: u8,
@@ -193,7 +194,8 @@ impl Supervisor {
     /// A step with a sample of this time, and the attitude after it.
     pub fn sample(&mut self, now: Micros, time: Micros, health: Health) {
         self.health = health;
-        self.fresh = Some(time);
+        let age_us = now.0.abs_diff(time.0).max(self.debt_us(now));
+        self.fresh = Some(Micros(now.0.saturating_sub(age_us)));
         self.good_run = (self.good_run + 1).min(RECOVERY_SAMPLES);
         self.lost -= self.lost / LOST_STEPS;
         self.fault = None;
@@ -324,6 +326,20 @@ impl Supervisor {
         }
     }
 
+    /// The age that a good sample leaves at `now`, us. Where few samples are good, the data of an
+    /// armed vehicle grow old.
+    fn debt_us(&self, now: Micros) -> u64 {
+        if !self.state.is_armed() {
+            return 0;
+        }
+        self.age_us(now).min(DATA_AGE_LIMIT_US).saturating_sub(SAMPLE_MAKES_UP_US)
+    }
+
+    /// Age of the data, us. A clock that has jumped back would make them young for ever.
+    fn age_us(&self, now: Micros) -> u64 {
+        self.fresh.map_or(0, |fresh| now.0.abs_diff(fresh.0))
+    }
+
     /// Whether samples get lost again and again, the newest within the last second.
     fn keeps_losing(&self, now: Micros) -> bool {
         self.lost > MANY_LOST && now.since(self.lost_at) < 1_000_000
@@ -353,9 +369,7 @@ impl Supervisor {
 
     /// Faults that come with time alone: data too old, a silent host, a tilt for too long.
     fn watch(&mut self, now: Micros) {
-        // A clock that has jumped back would make them young for ever.
-        let age_us = self.fresh.map_or(0, |fresh| now.0.abs_diff(fresh.0));
-        if age_us > DATA_AGE_LIMIT_US {
+        if self.age_us(now) > DATA_AGE_LIMIT_US {
             self.good_run = 0;
             self.lose_sensor(self.fault.map_or(Reason::StaleData, Reason::Sensor));
         }

@@ -61,8 +61,10 @@ impl Still {
     }
 
     /// Whether the words have stood still for `least_us` and for [`PERIODS`] mean times up to
-    /// `time`. Behind a jump two thirds of that suffice: a gyroscope that dies shows other rates and
-    /// keeps them. Four equal refreshes follow one sound jump in 10^7.
+    /// `time`.
+    ///
+    /// Behind a jump two thirds of that suffice: a gyroscope that dies shows other rates and keeps
+    /// them. Four equal refreshes follow one sound jump in 10^7.
     pub(super) fn is_dead(&self, time: Micros, least_us: u32) -> bool {
         let limit_us = least_us.max(PERIODS * self.mean_us);
         let limit_us = if self.behind_jump { limit_us / 3 * 2 } else { limit_us };

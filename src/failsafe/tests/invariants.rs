@@ -86,6 +86,26 @@ fn ends_without_samples(seat: &Seat) -> bool {
     !seat.state().is_active()
 }
 
+/// Control ends within 0.3 s where one sample in four is good. Behind a second of good samples it
+/// goes on for a second where two in three are good.
+fn ends_with_few_samples_alone(seat: &Seat) -> bool {
+    let flown = |seat: &Seat, steps: u32, good: fn(u32) -> bool| {
+        let mut seat = seat.clone();
+        for step in 0..steps {
+            match good(step) {
+                true => seat.sample(GOOD, 0),
+                false => seat.miss(SensorFault::Nak),
+            }
+        }
+        seat.state().is_active()
+    };
+    let mut rested = seat.clone();
+    rested.second([0, -981]);
+    rested.undergo(&Event::Heartbeat);
+    let goes_on = flown(&rested, 100, |step| step % 3 != 0);
+    !flown(seat, 30, |step| step % 4 == 0) && goes_on == rested.state().is_active()
+}
+
 /// A fault by which the samples before it were wrong already ends control at once, and so do an
 /// attitude that is no rotation and a sample that is too old.
 fn ends_at_once(seat: &Seat) -> bool {
@@ -144,8 +164,9 @@ const OF_EDGES: [(&str, OfEdge); 6] = [
     ("ended by disarm alone", is_ended_by_disarm_alone),
 ];
 
-const OF_STATES: [(&str, OfState); 5] = [
+const OF_STATES: [(&str, OfState); 6] = [
     ("ends without samples", ends_without_samples),
+    ("ends with few samples alone", ends_with_few_samples_alone),
     ("ends at once", ends_at_once),
     ("ends by tilt", ends_by_tilt),
     ("ends by silence", ends_by_silence),
