@@ -195,7 +195,7 @@ impl Vehicle {
         if self.kind != VehicleKind::Drone2 {
             return drone;
         }
-        let two_axes = toml::to_string(&self.two_axes).unwrap_or_default();
+        let two_axes = toml::to_string(&self.two_axes).expect("numbers are always TOML");
         format!("{drone}\n[two_axes]\n{two_axes}")
     }
 

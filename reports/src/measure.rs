@@ -228,15 +228,13 @@ impl Figure {
     /// The number with its decimals, or with up to three more where a number that misses its limit
     /// would seem to meet it.
     fn rounded(&self, number: f64) -> String {
-        let least = self.decimals;
-        let mut texts =
-            (least..=least + 3).map(|places| format!("{:.places$}", number * self.scale));
-        let misses = |text: &String| {
+        let text = |places: usize| format!("{:.places$}", number * self.scale);
+        let misleads = |text: &String| {
             let shown = text.parse().map_or(f64::NAN, |shown: f64| shown / self.scale);
-            self.limit.is_none_or(|limit| limit.met_by(number) || !limit.met_by(shown))
+            self.limit.is_some_and(|limit| !limit.met_by(number) && limit.met_by(shown))
         };
-        let text = texts.clone().find(misses);
-        text.or_else(|| texts.next()).unwrap_or_default()
+        let mut texts = (self.decimals..=self.decimals + 3).map(text);
+        texts.find(|text| !misleads(text)).unwrap_or_else(|| text(self.decimals))
     }
 
     /// The value with its unit.
