@@ -88,8 +88,8 @@ pub(crate) struct Settings {
     channels: [Channel; Axis::COUNT],
     /// How many of them are steered.
     steered: usize,
-    /// The channel of roll has not taken over the newest parameters yet.
-    roll_is_due: bool,
+    /// How many of these have not taken over the newest parameters yet, the last ones.
+    due: usize,
 }
 
 /// All that the next steps depend on besides settings, samples and orders.
@@ -113,7 +113,7 @@ impl Settings {
             ticks: Ticks::new(&timing),
             channels: [Channel::new(params, Axis::Pitch), Channel::new(params, Axis::Roll)],
             steered: params.axes().len(),
-            roll_is_due: false,
+            due: 0,
             timing,
             params: params.clone(),
         }
@@ -192,11 +192,13 @@ impl Flight {
     /// What is left to do behind a step, when its pulses have been written. Says whether the
     /// settings have changed by it.
     pub fn catch_up(&mut self) -> bool {
-        let is_due = core::mem::take(&mut self.settings.roll_is_due);
-        if is_due {
-            self.configure_channel(Axis::Roll);
-        }
-        is_due
+        let Settings { due, steered, .. } = &mut self.settings;
+        let axis = Axis::ALL.into_iter().take(*steered).nth(steered.saturating_sub(*due));
+        *due = due.saturating_sub(1);
+        axis.is_some_and(|axis| {
+            self.configure_channel(axis);
+            true
+        })
     }
 
     /// The first half of a step: the attitude, and what state follows from it.
@@ -524,11 +526,12 @@ impl Flight {
         self.settings.timing = self.settings.params.timing();
         self.settings.ticks = Ticks::new(&self.settings.timing);
         self.settings.steered = self.settings.params.axes().len();
-        self.configure_channel(Axis::Pitch);
-        // In flight both in turn: there is time for one of them between two ticks.
-        self.settings.roll_is_due = change == Change::Live && self.settings.steered > 1;
-        if change != Change::Live {
-            self.configure_channel(Axis::Roll);
+        // A channel takes 1.6 ms. In flight there is time for one of them behind each step.
+        if change == Change::Live {
+            self.settings.due = self.settings.steered;
+        } else {
+            self.settings.due = 0;
+            Axis::ALL.into_iter().for_each(|axis| self.configure_channel(axis));
         }
         self.state.supervisor.require_host(self.settings.params.fs_host() == 1.0);
     }
