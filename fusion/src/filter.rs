@@ -104,6 +104,13 @@ pub trait Filter: Sized {
     #[doc(hidden)]
     const IS_SECOND_ORDER: bool = false;
 
+    /// The correction of the tilt, about north and east, rad/s, smoothed over a second or more;
+    /// zero of a filter that does not smooth it. The deviations grow by it.
+    #[doc(hidden)]
+    fn pull(&self) -> [Self::Real; 2] {
+        [Self::Real::ZERO; 2]
+    }
+
     /// Build the coefficients.
     ///
     /// # Errors

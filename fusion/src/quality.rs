@@ -12,8 +12,25 @@
 //! drift that follows `d/dt = bias - g drift`. Errors that stand still in the body or in the field,
 //! from calibration and place, add a constant to each variance.
 //!
+//! # The pull of the accelerations
+//! A lasting acceleration drags the estimate away from the true vertical, and the corrections of
+//! the tilt are what drags it. With the corrections `c` (rad/s, earth frame), the tilt's variance
+//! grows by the larger of `|P|^2` and `H`:
+//!
+//! ```text
+//! dP/dt = c - pull P
+//! H = |P|^2 - explained V      if that is more than H, else dH/dt = -hold H
+//! ```
+//!
+//! Once the estimate follows a lasting acceleration, the corrections cease. `H` remembers them. The
+//! errors of the gyroscope also cause corrections, and `explained V` takes no memory of these. Only
+//! the VQF class smooths the corrections enough to tell a pull.
+//!
+//! # The constants
 //! The gains are the defaults. The constants come from seven recordings of BROAD with the VQF
 //! class; other filters have larger errors.
+
+use core::mem::{replace, take};
 
 use crate::real::Real;
 use crate::vector::dot;
@@ -60,7 +77,7 @@ pub struct Quality<T = f32> {
     /// Whether a field shows the heading: undisturbed, within the last half second, with a dip
     /// below 80 deg.
     pub heading_is_observable: bool,
-    /// Time since the last undisturbed field, s, to within 64 steps; `None` before the first.
+    /// Time since the last undisturbed field, s, to within 32 steps; `None` before the first.
     pub field_age_s: Option<T>,
 }
 
@@ -77,8 +94,15 @@ pub(crate) const SCALE_S: f32 = 3e-6;
 /// Noise of the vertical and of the heading that are shown, rad^2 s.
 pub(crate) const NOISE_S: f32 = 1e-5;
 
-/// Variance of constant errors of the vertical, rad^2: 0.3 deg.
-pub(crate) const TILT: f32 = 3e-5;
+/// Variance of constant errors of the vertical, rad^2: 0.2 deg.
+pub(crate) const TILT: f32 = 1.2e-5;
+
+/// Rates at which the pull and its memory decay, 1/s.
+pub(crate) const PULL_PER_S: f32 = 0.28;
+pub(crate) const HOLD_PER_S: f32 = 0.08;
+
+/// The square of a pull that the tilt's variance explains, in parts of it: base-2 logarithm.
+pub(crate) const EXPLAINED_LOG2: u8 = 4;
 
 /// Variance of constant errors of a horizontal field, rad^2. A steep field's is larger by the
 /// square of the whole field over its horizontal part.
@@ -127,6 +151,11 @@ pub(crate) struct Uncertainty<T> {
     /// Drifts of both by the offset's error, rad.
     tilt_drift: T,
     heading_drift: T,
+    /// Mean correction of the tilt since the last update, rad/s.
+    mean_pull: [T; 2],
+    /// The pull, rad, and the memory of its square, rad^2.
+    pull: [T; 2],
+    held: T,
     /// Of the offset, (rad/s)^2.
     bias: T,
     field_age_s: Option<T>,
@@ -149,6 +178,15 @@ impl<T: Real> Uncertainty<T> {
     pub(crate) fn pass(&mut self, dt: T, good_field: bool) {
         self.time_s += dt;
         self.good_field |= good_field;
+    }
+
+    /// A correction of the tilt, about two axes of the earth, rad/s, for this share of the time
+    /// between two updates.
+    #[inline(always)]
+    pub(crate) fn add_pull(&mut self, rate: [T; 2], share: T) {
+        for (mean, rate) in self.mean_pull.iter_mut().zip(rate) {
+            *mean += rate * share;
+        }
     }
 
     /// The attitude's variance has grown, rad^2.
@@ -178,13 +216,14 @@ impl<T: Real> Uncertainty<T> {
     pub(crate) fn know_attitude(&mut self) {
         (self.tilt, self.heading) = (T::ZERO, T::ZERO);
         (self.tilt_drift, self.heading_drift) = (T::ZERO, T::ZERO);
+        (self.pull, self.held) = ([T::ZERO; 2], T::ZERO);
     }
 
     /// Renews the variances, at this rate, rad/s.
     #[inline(never)]
     pub(crate) fn update(&mut self, rate: &[T; 3], evidence: &Evidence<T>) {
-        let dt = core::mem::replace(&mut self.time_s, T::ZERO);
-        if core::mem::take(&mut self.good_field) {
+        let dt = replace(&mut self.time_s, T::ZERO);
+        if take(&mut self.good_field) {
             self.field_age_s = Some(T::ZERO);
         } else if let Some(age_s) = &mut self.field_age_s {
             *age_s += dt;
@@ -211,6 +250,28 @@ impl<T: Real> Uncertainty<T> {
         step(tilt, dt, walk, bias, gain(evidence.acc, TILT_PER_S));
         let heading = (&mut self.heading, &mut self.heading_drift);
         step(heading, dt, walk, bias, heading_gain);
+        self.renew_pull(dt);
+    }
+
+    fn renew_pull(&mut self, dt: T) {
+        let left = |per_s: f32| (T::ONE + T::from_f32(per_s) * dt).recip();
+        let pull_left = left(PULL_PER_S);
+        for (pull, mean) in self.pull.iter_mut().zip(take(&mut self.mean_pull)) {
+            *pull = ((*pull + mean * dt) * pull_left).limited(T::ONE);
+        }
+        let explained = T::from_f32(f32::from(1u8 << EXPLAINED_LOG2)) * self.walked();
+        let excess = (self.pull_square() - explained).at_most(T::from_f32(UNKNOWN));
+        self.held = larger(self.held * left(HOLD_PER_S), excess);
+    }
+
+    /// Variance of the tilt by the walk and the drift, rad^2.
+    fn walked(&self) -> T {
+        self.tilt + self.tilt_drift * self.tilt_drift
+    }
+
+    fn pull_square(&self) -> T {
+        let [north, east] = self.pull;
+        north * north + east * east
     }
 
     fn field_is_fresh(&self) -> bool {
@@ -220,7 +281,8 @@ impl<T: Real> Uncertainty<T> {
     /// The deviations, with the whole field over its horizontal part, squared, if known.
     pub(crate) fn quality(&self, steepness: Option<T>, bias: BiasState) -> Quality<T> {
         let place = steepness.map_or(T::ZERO, |ratio| ratio * T::from_f32(HEADING));
-        let tilt = self.tilt + self.tilt_drift * self.tilt_drift + T::from_f32(TILT);
+        let pulled = larger(self.pull_square(), self.held);
+        let tilt = self.walked() + pulled + T::from_f32(TILT);
         let heading = self.heading + self.heading_drift * self.heading_drift + place;
         let deviation = |variance: T| variance.at_most(T::from_f32(UNKNOWN)).sqrt();
         Quality {
@@ -233,6 +295,10 @@ impl<T: Real> Uncertainty<T> {
             field_age_s: self.field_age_s,
         }
     }
+}
+
+fn larger<T: Real>(a: T, b: T) -> T {
+    if a > b { a } else { b }
 }
 
 /// A step of variance and drift, stable for any product of gain and time.

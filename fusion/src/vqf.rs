@@ -87,6 +87,13 @@ impl<T: Real> Filter for Vqf<T> {
         Ok(())
     }
 
+    fn pull(&self) -> [T; 2] {
+        // Half the acceleration.
+        let per_s = self.acc_per_s * T::from_f32(2.0 / GRAVITY);
+        let [north, east] = self.smooth;
+        [-(east * per_s), north * per_s]
+    }
+
     #[inline(always)]
     fn correction(&mut self, view: &View<T>, _bias: &mut [T; 3]) -> [T; 3] {
         let rows = &view.rows;

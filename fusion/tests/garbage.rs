@@ -153,10 +153,10 @@ const FILTERS: [Named; 9] = [
     ("madgwick", float::<Madgwick>, 5.5),
     ("complementary", float::<Complementary>, 6.0),
     ("kalman", float::<Kalman>, 12.0),
-    ("vqf, fixed", fixed::<fixed::Vqf>, 5.5),
-    ("mahony, fixed", fixed::<fixed::Mahony>, 5.5),
-    ("madgwick, fixed", fixed::<fixed::Madgwick>, 12.0),
-    ("complementary, fixed", fixed::<fixed::Complementary>, 5.5),
+    ("vqf, fixed", fixed::<fixed::Vqf>, 1.0),
+    ("mahony, fixed", fixed::<fixed::Mahony>, 2.0),
+    ("madgwick, fixed", fixed::<fixed::Madgwick>, 3.5),
+    ("complementary, fixed", fixed::<fixed::Complementary>, 2.0),
 ];
 
 /// The largest error of the tilt, deg, from 20 to 30 s after that number of garbage samples.

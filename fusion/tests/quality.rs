@@ -16,6 +16,8 @@ struct Body {
     fixed: fixed::Estimator<fixed::Vqf>,
     state: fixed::State,
     time_s: f64,
+    /// Largest error of the tilt, in standard deviations.
+    most_sigmas: f64,
 }
 
 impl Body {
@@ -30,6 +32,7 @@ impl Body {
             state: fixed.start(),
             fixed,
             time_s: 0.0,
+            most_sigmas: 0.0,
         }
     }
 
@@ -44,6 +47,19 @@ impl Body {
     }
 
     fn run(&mut self, seconds: f64, speed: f64, magnet: Option<f64>) -> Quality {
+        self.move_on(seconds, speed, magnet, |_| Vector3::zeros());
+        self.estimator.quality()
+    }
+
+    /// With an acceleration of this time, m/s^2, earth frame.
+    fn move_on(
+        &mut self,
+        seconds: f64,
+        speed: f64,
+        magnet: Option<f64>,
+        acceleration: impl Fn(f64) -> Vector3<f64>,
+    ) {
+        let gravity = Vector3::new(0.0, 0.0, f64::from(GRAVITY));
         for _ in 0..(seconds / DT_S) as u32 {
             let t = self.time_s;
             self.time_s += DT_S;
@@ -53,13 +69,14 @@ impl Body {
             let field = Vector3::new(self.dip.cos(), 0.0, self.dip.sin()) * 50.0;
             let sample = Sample {
                 gyr: (rate + self.offset).cast().into(),
-                acc: (back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast().into(),
+                acc: (back * (acceleration(t) - gravity)).cast().into(),
                 mag: magnet.map(|by| (back * field * (1.0 + by * (1.5 + t.sin()))).cast().into()),
             };
             self.estimator.update(DT_S as f32, &sample);
             self.fixed.update(&mut self.state, 10_000, &counts(&sample));
+            let (error, quality) = (self.error(), self.estimator.quality());
+            self.most_sigmas = self.most_sigmas.max(error / f64::from(quality.tilt_rad));
         }
-        self.estimator.quality()
     }
 
     /// What fixed point says is what float says.
@@ -122,6 +139,28 @@ fn fixed_point_says_what_float_says() {
             body.run(seconds, speed, magnet);
             body.compare();
         }
+    }
+}
+
+/// A lasting acceleration, and the circle of a vehicle, drag the estimate away without a rotation
+/// that would tell.
+#[test]
+fn a_lasting_acceleration_shows() {
+    let circles = [(0.1, 3.0), (0.5, 3.0), (0.2, 15.0)];
+    let lines = [0.5, 1.0, 2.0, 3.0];
+    let lines = lines.map(|m_s2| (m_s2, 0.0, 10.0));
+    for (m_s2, turn, seconds) in lines.into_iter().chain(circles.map(|(w, v)| (w * v, w, 60.0))) {
+        let mut body = Body::new(0.0, 60.0);
+        body.still(20.0);
+        body.most_sigmas = 0.0;
+        let away = |t: f64| Vector3::new((turn * t).cos(), (turn * t).sin(), 0.0) * m_s2;
+        body.move_on(seconds, 0.0, Some(0.0), away);
+        let fixed = body.fixed.quality(&body.state).tilt_rad;
+        let ratio = fixed / body.estimator.quality().tilt_rad;
+        assert!((0.7..1.4).contains(&ratio), "{m_s2} m/s^2, {turn} rad/s: {ratio}");
+        let (error, sigmas) = (body.error() / DEG, body.most_sigmas);
+        println!("{m_s2} m/s^2, {turn} rad/s: {error:.1} deg, {sigmas:.2} deviations");
+        assert!((1.0..3.0).contains(&sigmas), "{m_s2} m/s^2, {turn} rad/s: {error} deg, {sigmas}");
     }
 }
 

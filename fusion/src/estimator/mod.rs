@@ -85,7 +85,7 @@ const NORM_STEPS: u8 = 8;
 const SHORT_TURN: f32 = 2e-3;
 
 /// Steps between two updates of the deviations.
-const UNCERTAINTY_STEPS: u8 = 64;
+const UNCERTAINTY_STEPS: u8 = 32;
 
 /// Steps between two looks at the acceleration along the vertical, while it is gravity or more.
 const VERTICAL_STEPS: u8 = 64;
@@ -211,7 +211,7 @@ impl<F: Filter> Estimator<F> {
         now
     }
 
-    /// Standard deviations of the estimate, renewed every 64 steps.
+    /// Standard deviations of the estimate, renewed every 32 steps.
     pub fn quality(&self) -> Quality<F::Real> {
         let (steepness, bias) = (self.field.steepness(), self.rest.bias_state());
         self.uncertainty.quality(steepness, bias)
@@ -307,6 +307,10 @@ impl<F: Filter> Estimator<F> {
             starting: !self.flags.initialised,
         };
         self.pending = self.filter.correction(&view, &mut self.bias);
+        if is_eighth {
+            let share = const { NORM_STEPS as f32 / UNCERTAINTY_STEPS as f32 };
+            self.uncertainty.add_pull(self.filter.pull(), F::Real::from_f32(share));
+        }
         self.update_uncertainty(&view);
         if hidden.is_some() || self.recovery.is_active() {
             self.recover(&view, hidden, sample);

@@ -61,7 +61,7 @@ use super::lag;
 use super::orientation::{Angles, Orientation};
 use super::quality::{Uncertainty, UncertaintyState, job};
 use super::rest::{self, Rest};
-use super::rotation::{BIAS_BITS, PerCount, Rotation};
+use super::rotation::{BIAS_BITS, PerCount, Rotation, dot};
 use super::sensors::{Late, Sensors};
 use super::start_up::Schedule;
 use super::state::{LastField, State};
@@ -118,8 +118,9 @@ pub struct Estimator<F, S = Late> {
     gyr_rad_s: f32,
     /// Least acceleration along the vertical that says nothing against the estimate, counts.
     least_up: i32,
-    /// Rate, each axis, above which a block shows no vertical, counts.
-    slow_rate: i32,
+    /// Squares of the largest rate of a block and of its least acceleration that show a vertical.
+    slow_rate2: u32,
+    fall2: u32,
     /// Blocks in a row with less than that after which the estimate is wrong.
     low_blocks: u32,
 }
@@ -179,7 +180,8 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             half_declination: half_declination(config.declination_rad)?,
             gyr_rad_s: scale.gyr_rad_s,
             least_up: (per_g * consistency::LEAST) as i32,
-            slow_rate: (SLOW_RAD_S / scale.gyr_rad_s) as i32,
+            slow_rate2: squared(SLOW_RAD_S / scale.gyr_rad_s),
+            fall2: squared(0.5 * per_g * consistency::LEAST),
             low_blocks: (consistency::LASTING_S / block_s) as u32,
         })
     }
@@ -193,7 +195,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             gains,
             rest: self.rest.start(),
             heading_tick: 0,
-            due: Zeroable::zeroed(),
+            due: 0,
             compass: self.compass.start(),
             filter: Zeroable::zeroed(),
             schedule,
@@ -213,7 +215,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             && state.dt_remainder < 1 << DT_BITS
             && self.schedule.is_sound(&state.schedule, &state.gains)
             && self.rest.is_sound(&state.rest)
-            && state.due.is_sound()
+            && state.due <= job::CLOSE
             && self.compass.is_sound(&state.compass)
             && state.filter.is_sound()
             && state.uncertainty.is_sound()
@@ -343,10 +345,10 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
 
         // Heading correction is skipped in steps that are long or run housekeeping, to bound the
         // worst-case cycles.
-        let busy = long
-            || job <= rest::VERTICAL
+        // No job counts as one: a long step has enough to do.
+        let busy = job.wrapping_add(1) <= rest::VERTICAL + 1
             || state.compass.is_due()
-            || state.due.is_now(mag.is_some());
+            || (state.due != 0 && (mag.is_none() || job::is_turn(job)));
         if busy {
             self.housekeeping(state, job, &gyr, acc[2]);
         }
@@ -369,9 +371,6 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         pending[0] += tilt[0] + ((turn * down[0]) >> shift);
         pending[1] += tilt[1] + ((turn * down[1]) >> shift);
         pending[2] += tilt[2] + ((turn * down[2]) >> shift);
-        if job == rest::VERTICAL {
-            self.check_vertical(state, &down);
-        }
     }
 
     /// Take one sample of a body in free flight, `dt_us` after the sample before: the rates alone
@@ -407,22 +406,21 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     #[inline(never)]
     fn housekeeping(&self, state: &mut State, job: u32, gyr: &[i16; 3], acc_z: i32) {
         if job < rest::START_UP {
-            let bias = &mut state.rotation.bias;
-            self.rest.close(&mut state.rest, job, bias);
+            self.rest.close(&mut state.rest, job, &mut state.rotation.bias);
         } else if job == rest::START_UP {
             if state.schedule.is_first_block() && acc_z > 0 {
                 state.rotation.turn_over();
             }
             state.gap = 0;
-            let gains = &mut state.gains;
-            self.schedule.next_block(&mut state.schedule, gains);
-            state.due.begin();
-        } else if job != rest::VERTICAL && job != rest::NO_JOB {
-            if state.compass.is_due() {
-                self.compass.judge(&mut state.compass, gyr);
-            } else {
-                self.update_uncertainty(state, gyr);
-            }
+            self.schedule.next_block(&mut state.schedule, &mut state.gains);
+            state.due = job::CLOSE;
+        } else if job == rest::VERTICAL {
+            self.check_vertical(state);
+        } else if job == rest::NO_JOB {
+        } else if state.compass.is_due() {
+            self.compass.judge(&mut state.compass, gyr);
+        } else {
+            self.update_uncertainty(state, gyr);
         }
     }
 
@@ -430,13 +428,15 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     /// the estimated vertical, as the float filters do (`consistency`). A block in which the body
     /// turns fast has no vertical, and one of a fall neither.
     #[inline(never)]
-    fn check_vertical(&self, state: &mut State, down: &[Q15; 3]) {
+    fn check_vertical(&self, state: &mut State) {
+        let down = state.rotation.products().down();
         let [rates, acc] = state.rest.means();
-        let up = -((down[0] * acc[0] + down[1] * acc[1] + down[2] * acc[2]) >> 15);
-        let turns = !are_within(&rates, self.slow_rate);
-        let falls = are_within(&acc, self.least_up / 2);
-        let is_low = up < self.least_up && !turns && !falls;
-        state.low_blocks = if is_low { state.low_blocks + 1 } else { 0 };
+        let up = -(dot(&down, &acc) >> 15);
+        if up >= self.least_up || square(&rates) > self.slow_rate2 || square(&acc) < self.fall2 {
+            state.low_blocks = 0;
+            return;
+        }
+        state.low_blocks += 1;
         if state.low_blocks == self.low_blocks {
             state.low_blocks = 0;
             self.level(state);
@@ -446,9 +446,11 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     /// Runs the next job of the uncertainties.
     #[inline(never)]
     fn update_uncertainty(&self, state: &mut State, gyr: &[i16; 3]) {
+        let job = state.due;
+        state.due -= 1;
         let (own, uncertainty) = (&self.uncertainty, &mut state.uncertainty);
         let (schedule, gain_log2) = (&self.schedule, state.schedule.gain_log2);
-        match state.due.next_job() {
+        match job {
             job::CLOSE => {
                 let good_field = self.rest.is_recent(&state.rest, state.heading_tick)
                     && state.compass.reference().is_some()
@@ -456,8 +458,13 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
                 own.close(uncertainty, state.rest.is_at_rest(), good_field);
             }
             job::TURN => own.turn(uncertainty, &lag::rates(gyr, &state.rotation.bias)),
-            job::TILT => own.pass_tilt(uncertainty, schedule.tilt.raised(gain_log2)),
-            job::HEADING => own.pass_heading(uncertainty, schedule.heading.raised(gain_log2)),
+            job::TILT => own.correct_tilt(uncertainty, schedule.tilt.raised(gain_log2)),
+            job::HEADING => own.correct_heading(uncertainty, schedule.heading.raised(gain_log2)),
+            job::PULL => {
+                let half = state.filter.half_correction(schedule.tilt.own);
+                own.pull(uncertainty, half, self.rest.shift);
+            }
+            job::GROW => own.grow(uncertainty),
             _ => {}
         }
     }
@@ -497,9 +504,20 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     }
 }
 
-/// Largest rate of a block, each axis, whose mean acceleration shows a vertical, rad/s. In half a
-/// block and the steps until the check, the body turns by less than 24 deg.
-const SLOW_RAD_S: f32 = 1.0;
+/// Rounded down, at most the largest.
+fn squared(value: f32) -> u32 {
+    (value * value) as u32
+}
+
+/// Of means of 16 bits.
+#[inline(always)]
+fn square(means: &[i32; 3]) -> u32 {
+    means.iter().map(|mean| (mean * mean) as u32).sum()
+}
+
+/// Largest rate of a block whose mean acceleration shows a vertical, rad/s. In half a block and the
+/// steps until the check, the body turns by less than 24 deg.
+const SLOW_RAD_S: f32 = 1.7;
 
 /// Largest plausible rate less its offset, counts.
 const MOST_RATE: i32 = 1 << 16;

@@ -15,7 +15,7 @@
 //! converges from any value less than twice too large: the limit grows by halves at most.
 //!
 //! # The judgement
-//! About thirty times a second, a field is kept in Q8 and compared with the reference. The
+//! About thirty times a second, a field is kept and compared with the reference, in Q8. The
 //! deviations of the horizontal and the vertical part, `|dh| + |dv|`, must be within `gate` times
 //! the reference's length. The weight falls in four steps towards that limit. [`length`] gives
 //! lengths without a root, exact enough for a gate. The gate is at most 64, so that its product in
@@ -27,7 +27,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::counts::Scale;
-use super::format::{Q4, Q8, Q15, nearest_log2, positive};
+use super::format::{Q4, Q8, Q15, are_within, nearest_log2, positive};
 use super::rotation::{Products, dot};
 use crate::error::{ConfigError, in_range};
 use crate::field::{FieldConfig, JUDGE_S, JUDGE_SAMPLES, MIN_HORIZONTAL_UT};
@@ -100,8 +100,8 @@ pub(super) struct CompassState {
     last: u32,
     /// Steps of the judgement still to come: `COMPARE` down to 0.
     due: u32,
-    /// The field that is judged: north, east and down, counts.
-    seen: [Q8; 3],
+    /// The field that is judged: north, east and down, Q15 counts.
+    seen: [i32; 3],
     /// The reference, horizontal and vertical, counts.
     reference: [Q8; 2],
     /// The same of the field that is judged.
@@ -201,23 +201,18 @@ impl Compass {
     ) -> Q15 {
         let (north, east) = (dot(&p.north(), mag), dot(&p.east(), mag));
         if tick.wrapping_sub(state.judge_at) as i32 >= 0 {
-            (state.last, state.judge_at) = (tick, tick.wrapping_add(self.interval));
+            state.judge_at = tick.wrapping_add(self.interval);
+            state.last = tick;
+            state.seen = [north, east, dot(down, mag)];
             state.due = COMPARE;
-            state.seen = [north, east, dot(down, mag)].map(|q15| q15 >> (15 - BITS));
         }
         let sign = east >> 31;
-        let max = (state.limit ^ sign) - sign;
-        let across = east >> 11;
+        let size = (east ^ sign) - sign;
         // Beyond a right angle the whole field counts as transverse, and twice: the heading returns
         // sooner.
-        let across = if north < 0 {
-            2 * max
-        } else if (across ^ sign) > (max ^ sign) {
-            max
-        } else {
-            across
-        };
-        -((((across * state.inverse) >> 12) * state.weight) >> 3)
+        let across = if north < 0 { 2 * state.limit } else { (size >> 11).min(state.limit) };
+        let sine = (((across * state.inverse) >> 12) * state.weight) >> 3;
+        sign - (sine ^ sign)
     }
 
     /// Does the next of the two steps that judge the kept field.
@@ -233,7 +228,7 @@ impl Compass {
 
     /// Compares the field with the reference, which follows a field within the tolerance.
     fn compare(&self, state: &mut CompassState) {
-        let [north, east, down] = state.seen;
+        let [north, east, down] = state.seen.map(|q15| q15 >> (15 - BITS));
         state.met = [length(north, east).max(self.min_horizontal), down];
         let (dh, dv) = (state.met[0] - state.reference[0], state.met[1] - state.reference[1]);
         state.margin = state.tolerance - dh.abs() - dv.abs();
@@ -301,7 +296,7 @@ impl Compass {
             && state.met[0] >= self.min_horizontal
             // No candidate, or a candidate for the reference.
             && (state.candidate == [0; 2] || state.candidate[0] >= self.min_horizontal)
-            && state.seen.iter().chain(parts.as_flattened()).all(|part| (-MOST..=MOST).contains(part))
+            && are_within(parts.as_flattened(), MOST)
             && (0..=3 << 29).contains(&state.tolerance)
             && (-FORGOTTEN..=LEARNING).contains(&state.judged)
             && state.share <= 31

@@ -57,10 +57,10 @@ const UNIT: f32 = 16_384.0;
 const MIN_ACC: f32 = 0.05;
 
 /// Largest correction of the heading, half an angle: an eighth of a radian in Q16.
-const EIGHTH: i32 = 1 << 13;
+pub(super) const EIGHTH: i32 = 1 << 13;
 
 /// Largest correction of the heading whose product with a row in Q15 fits, Q(16 + `heading_shift`).
-const MAX_HEADING_TURN: i32 = 7 << 13;
+pub(super) const MAX_HEADING_TURN: i32 = 7 << 13;
 
 /// A gain: for the tilt from an error in Q15 counts to half an angle in Q31, for the heading from a
 /// sine in Q15 to half an angle in Q16.
@@ -76,7 +76,13 @@ pub(super) struct Gain {
 impl Gain {
     #[inline(always)]
     fn of(self, error: i32) -> Q31 {
-        ((error >> 11) * self.factor) >> (self.shift & 31)
+        self.of_cut(error >> 11)
+    }
+
+    /// Of an error that is cut by 11 bits.
+    #[inline(always)]
+    fn of_cut(self, error: i32) -> Q31 {
+        (error * self.factor) >> (self.shift & 31)
     }
 }
 
@@ -132,6 +138,12 @@ const REMAINDER: i32 = 0x1ff;
 const CARRY: i32 = 0x1fff;
 
 impl FilterState {
+    /// Half the correction of the tilt in a sample, about north and east.
+    pub(super) fn half_correction(&self, gain: Gain) -> [Q31; 2] {
+        let [north, east] = self.smooth;
+        [gain.of_cut(-east >> 4), gain.of_cut(north >> 4)]
+    }
+
     /// Whether an update can have left these numbers.
     pub(super) fn is_sound(&self) -> bool {
         are_within(&self.smooth, MOST_SMOOTH)
@@ -198,7 +210,7 @@ impl View<'_> {
     /// A correction of the heading, limited.
     #[inline(always)]
     fn limited(&self, heading: i32) -> i32 {
-        let max = (EIGHTH << (self.gains.heading.shift & 31)).min(MAX_HEADING_TURN);
+        let max = self.gains.most_turn;
         // Not `clamp`, which would panic were the limit negative.
         heading.min(max).max(-max)
     }
@@ -388,7 +400,7 @@ impl Filter for Vqf {
             seen
         };
         for (carry, tilt) in state.carry.iter_mut().zip([-e, n]) {
-            *carry += view.gains.tilt.of(tilt << 7);
+            *carry += view.gains.tilt.of_cut(tilt >> 4);
         }
         let [about_north, about_east] = state.carry.map(|carry| carry >> 13);
         state.carry = state.carry.map(|carry| carry & CARRY);

@@ -26,6 +26,9 @@ pub(super) type Q15 = i32;
 /// Fractional bits 16: half angles of a step and their squares, rad.
 pub(super) type Q16 = i32;
 
+/// Fractional bits 28: variances of angles, rad^2, drifts and pulls, rad.
+pub(super) type Q28 = i32;
+
 /// Fractional bits 30: the quaternion and products of its components.
 pub(super) type Q30 = i32;
 

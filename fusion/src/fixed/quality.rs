@@ -5,8 +5,9 @@
 //! |---|---|---|
 //! | variances of tilt and heading | Q28 rad^2 | pi^2 / 3, of an unknown angle, is below 8 |
 //! | drifts of both | Q28 rad | below 8 |
+//! | pull of the accelerations | Q28 rad | 1 |
 //! | variance of the offset | Q40 (rad/s)^2 | `0.02^2`, of an unknown offset, is below `2^-9` |
-//! | square of the rate | Q16 (rad/s)^2 | 100, for faster turns too |
+//! | square of the rate | Q14 (rad/s)^2 | 100, for faster turns too |
 //! | shares of a block | Q15 | 1 |
 //!
 //! A variance or drift is multiplied by a share in two parts of 15 bits, so that small values are
@@ -15,14 +16,12 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::counts::Scale;
-use super::format::{Q15, normalised};
+use super::format::{Q15, Q28, Q31, are_within, normalised};
 use crate::quality::{
-    BIAS_AT_REST, BIAS_UNKNOWN, BIAS_WALK, BiasState, FIRST, FRESH_S, HEADING, HEADING_PER_S,
-    NOISE_S, Quality, SCALE_S, STEEP, STILL, TILT, TILT_PER_S, UNKNOWN,
+    BIAS_AT_REST, BIAS_UNKNOWN, BIAS_WALK, BiasState, EXPLAINED_LOG2, FIRST, FRESH_S, HEADING,
+    HEADING_PER_S, HOLD_PER_S, NOISE_S, PULL_PER_S, Quality, SCALE_S, STEEP, STILL, TILT,
+    TILT_PER_S, UNKNOWN,
 };
-
-/// Variances of angles, rad^2, and drifts, rad.
-type Q28 = i32;
 
 /// Variance of an offset, (rad/s)^2.
 type Q40 = i32;
@@ -49,6 +48,9 @@ const MOST: Q15 = 30_000;
 /// Largest drift and walk of a block, Q28.
 const MOST_GROWTH: Q28 = 1 << 24;
 
+/// Largest pull about an axis, Q28: 1 rad.
+const MOST_PULL: Q28 = 1 << 28;
+
 /// Variance that a gap in the samples adds, rad^2.
 const GAP: f32 = 0.25;
 
@@ -65,13 +67,17 @@ struct Pull {
 impl Pull {
     fn new(per_s: f32, block_s: f32) -> Self {
         let share = per_s * block_s;
-        let q15 = |value: f32| (value * 32_768.0) as i32;
         Self {
-            variance: q15(2.0 * share / (1.0 + 2.0 * share)),
-            drift: q15(share / (1.0 + share)),
-            noise: q28(NOISE_S * per_s * per_s * block_s),
+            variance: lost(2.0 * share),
+            drift: lost(share),
+            noise: q28(NOISE_S * per_s * per_s * block_s).min(1 << 12),
         }
     }
+}
+
+/// The share of a number that a block removes, of the product of a rate and its time.
+fn lost(product: f32) -> Q15 {
+    (product / (1.0 + product) * 32_768.0) as i32
 }
 
 /// The uncertainty of an angle: its random walk, and its drift by the offset's error.
@@ -83,37 +89,34 @@ struct Angle {
 }
 
 impl Angle {
-    /// A block with this walk and this drift. The gain is the filter's own times `2^gain_log2`;
-    /// `None` if nothing shows the angle.
+    /// A block's corrections, by the filter's own gain times `2^gain_log2`.
     #[inline(never)]
-    fn pass(&mut self, walk: Q28, drift: Q28, pull: &Pull, gain_log2: Option<i32>) {
-        let mut grown = walk;
-        if let Some(log2) = gain_log2 {
-            let log2 = log2.min(8);
-            let taken = |share: Q15| (share << log2).min(MOST);
-            self.variance -= part(self.variance, taken(pull.variance));
-            self.drift -= part(self.drift, taken(pull.drift));
-            grown += pull.noise.min(1 << 12) << (2 * log2);
-        }
-        self.variance = (self.variance + grown).min(q28(UNKNOWN));
+    fn correct(&mut self, pull: &Pull, gain_log2: i32) {
+        let log2 = gain_log2.min(8);
+        let taken = |share: Q15| (share << log2).min(MOST);
+        self.variance += (pull.noise << (2 * log2)) - part(self.variance, taken(pull.variance));
+        self.drift -= part(self.drift, taken(pull.drift));
+    }
+
+    /// A block's walk and drift.
+    #[inline(always)]
+    fn grow(&mut self, walk: Q28, drift: Q28) {
+        self.variance = (self.variance + walk).min(q28(UNKNOWN));
         self.drift = (self.drift + drift).min(q28(UNKNOWN));
     }
 
-    /// Standard deviation, rad, with the variance of the constant errors.
-    #[inline(never)]
-    fn deviation_rad(&self, steady: f32) -> f32 {
-        root(self.variance_q28(steady)) as f32 / 16_384.0
-    }
-
-    /// As a variance.
+    /// Its variance by the walk and the drift.
     #[inline(always)]
-    fn variance_q28(&self, steady: f32) -> u32 {
-        let drift = self.drift.unsigned_abs() >> 14;
-        let own = self.variance.unsigned_abs();
-        let steady = q28(steady.min(UNKNOWN)).unsigned_abs();
-        let whole = own.saturating_add(drift.saturating_mul(drift)).saturating_add(steady);
-        whole.min(q28(UNKNOWN).unsigned_abs())
+    fn variance(&self) -> u32 {
+        let drift = (self.drift >> 14) as u32;
+        (self.variance as u32 + drift * drift).min(q28(UNKNOWN) as u32)
     }
+}
+
+/// The standard deviation of a variance, rad.
+#[inline(never)]
+fn deviation_rad(variance_q28: u32) -> f32 {
+    root(variance_q28.min(q28(UNKNOWN) as u32)) as f32 / 16_384.0
 }
 
 /// The root of a number, rounded down, bit by bit: a sixth of the library's code, and fast enough
@@ -132,63 +135,26 @@ fn root(square: u32) -> u32 {
     root
 }
 
-/// A share of a number that is not negative.
+/// A share of a number.
 fn part(value: i32, share: Q15) -> i32 {
     (value >> 15) * share + (((value & 0x7fff) * share) >> 15)
 }
 
-/// The jobs of a block, in their order; a step has time for one. A job's value is the number of
-/// jobs still to come, itself included.
+/// The jobs of a block, the first with the largest number; a step has time for one.
 pub(super) mod job {
-    pub(in super::super) const CLOSE: u32 = 4;
-    pub(in super::super) const TURN: u32 = 3;
-    pub(in super::super) const TILT: u32 = 2;
-    pub(in super::super) const HEADING: u32 = 1;
-}
+    pub(in super::super) const CLOSE: u32 = 6;
+    pub(in super::super) const TURN: u32 = 5;
+    pub(in super::super) const TILT: u32 = 4;
+    pub(in super::super) const HEADING: u32 = 3;
+    pub(in super::super) const PULL: u32 = 2;
+    pub(in super::super) const GROW: u32 = 1;
 
-/// Steps for which the jobs of a block wait for a step without a field.
-const LONGEST_WAIT: u32 = 8;
-
-/// The jobs of a block that are to come.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub(super) struct Due {
-    /// Their number.
-    jobs: u32,
-    /// Steps with a field for which the jobs have waited.
-    waited: u32,
-}
-
-impl Due {
-    /// A block is over: four jobs are due.
-    pub(super) fn begin(&mut self) {
-        (self.jobs, self.waited) = (job::CLOSE, 0);
-    }
-
-    /// Whether this step is for a job: it has no field, so no heading to correct, or the job has
-    /// waited for long enough.
+    /// Whether a job takes the step with this number in its block even from a field, to correct the
+    /// heading by. Before these come steps without one, of a magnetometer that is slower. A block
+    /// of 32 steps has eight, two of which the compass may take.
     #[inline(always)]
-    pub(super) fn is_now(&mut self, has_field: bool) -> bool {
-        if self.jobs == 0 {
-            return false;
-        }
-        if has_field && self.waited < LONGEST_WAIT {
-            self.waited += 1;
-            return false;
-        }
-        true
-    }
-
-    /// Takes the next job; 0 if there is none.
-    pub(super) fn next_job(&mut self) -> u32 {
-        let job = self.jobs;
-        self.jobs = job.saturating_sub(1);
-        job
-    }
-
-    /// Whether an update can have left these numbers.
-    pub(super) fn is_sound(&self) -> bool {
-        self.jobs <= job::CLOSE && self.waited <= LONGEST_WAIT
+    pub(in super::super) fn is_turn(step: u32) -> bool {
+        step & 0x11 == 0x11
     }
 }
 
@@ -197,7 +163,10 @@ impl Due {
 pub(super) struct Uncertainty {
     tilt: Pull,
     heading: Pull,
-    /// Rate of a count, Q(8 + `shift`) rad/s.
+    /// Shares of the pull and of its memory that a block removes.
+    pull_lost: Q15,
+    hold_lost: Q15,
+    /// Rate of a count, Q(7 + `shift`) rad/s.
     per_count: i32,
     shift: u32,
     /// Walk at rest, and by the square of the rate.
@@ -217,6 +186,9 @@ pub(super) struct Uncertainty {
 pub(super) struct UncertaintyState {
     tilt: Angle,
     heading: Angle,
+    /// The pull of the accelerations, about north and east, and the memory of its square.
+    pull: [Q28; 2],
+    held: Q28,
     /// Variance of the offset.
     bias: Q40,
     /// Its root, Q20 rad/s.
@@ -231,10 +203,12 @@ pub(super) struct UncertaintyState {
 impl Uncertainty {
     #[inline(always)]
     pub(super) fn new(scale: &Scale, block_s: f32) -> Self {
-        let (per_count, shift) = normalised(scale.gyr_rad_s * 256.0, 16_384.0);
+        let (per_count, shift) = normalised(scale.gyr_rad_s * 128.0, 16_384.0);
         Self {
             tilt: Pull::new(TILT_PER_S, block_s),
             heading: Pull::new(HEADING_PER_S, block_s),
+            pull_lost: lost(PULL_PER_S * block_s),
+            hold_lost: lost(HOLD_PER_S * block_s),
             per_count,
             shift,
             still: q28(STILL * block_s),
@@ -268,25 +242,46 @@ impl Uncertainty {
     pub(super) fn turn(&self, state: &mut UncertaintyState, rates: &[i32; 3]) {
         let mut square = 0;
         for rate in rates {
-            // 10 rad/s is 2560.
-            let rate = ((rate * self.per_count) >> (self.shift & 31)).clamp(-2_560, 2_560);
+            let rate = (rate * self.per_count) >> (self.shift & 31);
             square += rate * rate;
         }
-        // Q16; the scale has 10 bits at most.
-        state.walk = self.still + (((square.min(100 << 16) >> 8) * self.scale) >> 8);
+        // Q14; the scale has 10 bits at most.
+        state.walk = self.still + (((square.min(100 << 14) >> 6) * self.scale) >> 8);
     }
 
     /// [`job::TILT`]: the raise of the tilt's gain, as a power of two.
-    pub(super) fn pass_tilt(&self, state: &mut UncertaintyState, gain_log2: i32) {
-        let (walk, drift) = (state.walk, state.drift);
-        state.tilt.pass(walk, drift, &self.tilt, Some(gain_log2));
+    pub(super) fn correct_tilt(&self, state: &mut UncertaintyState, gain_log2: i32) {
+        state.tilt.correct(&self.tilt, gain_log2);
     }
 
     /// [`job::HEADING`]: likewise of the heading.
-    pub(super) fn pass_heading(&self, state: &mut UncertaintyState, gain_log2: i32) {
+    pub(super) fn correct_heading(&self, state: &mut UncertaintyState, gain_log2: i32) {
+        if self.is_field_fresh(state) {
+            state.heading.correct(&self.heading, gain_log2);
+        }
+    }
+
+    /// [`job::PULL`]: half the correction of the tilt in a sample of the block.
+    pub(super) fn pull(&self, state: &mut UncertaintyState, half: [Q31; 2], samples_log2: u32) {
+        // As much as a block removes of 1 rad: it is the largest pull.
+        let most = (self.pull_lost << 13) >> (samples_log2 & 31);
+        for (pull, half) in state.pull.iter_mut().zip(half) {
+            let correction = (half >> 2).min(most).max(-most) << (samples_log2 & 31);
+            *pull += correction - (*pull >> 15) * self.pull_lost;
+        }
+    }
+
+    /// [`job::GROW`]: walk and drift of both angles, and the memory of the pull.
+    pub(super) fn grow(&self, state: &mut UncertaintyState) {
         let (walk, drift) = (state.walk, state.drift);
-        let gain_log2 = self.is_field_fresh(state).then_some(gain_log2);
-        state.heading.pass(walk, drift, &self.heading, gain_log2);
+        state.tilt.grow(walk, drift);
+        state.heading.grow(walk, drift);
+        // At most 2^29, of which a block loses less than 2^-5.
+        state.held -= ((state.held >> 8) * self.hold_lost) >> 7;
+        // More explains any pull.
+        let walked = state.tilt.variance().min(1 << 26);
+        let excess = state.pull_square() - ((walked << EXPLAINED_LOG2) as i32);
+        state.held = state.held.max(excess);
     }
 
     fn is_field_fresh(&self, state: &UncertaintyState) -> bool {
@@ -305,10 +300,11 @@ impl Uncertainty {
             let ratio = down as f32 / (north.max(1)) as f32;
             1.0 + ratio * ratio
         });
-        let place = steepness.map_or(0.0, |ratio| ratio * HEADING);
+        let place = q28(steepness.map_or(0.0, |ratio| ratio * HEADING).min(UNKNOWN));
+        let heading = state.heading.variance() + place as u32;
         Quality {
-            tilt_rad: state.tilt.deviation_rad(TILT),
-            heading_rad: state.heading.deviation_rad(place),
+            tilt_rad: deviation_rad(state.tilt_variance()),
+            heading_rad: deviation_rad(heading),
             bias_rad_s: state.deviation as f32 / 1_048_576.0,
             bias,
             heading_is_observable: self.is_field_fresh(state)
@@ -348,9 +344,20 @@ impl UncertaintyState {
         self.tilt.variance = q28(FIRST);
     }
 
+    fn pull_square(&self) -> Q28 {
+        let [north, east] = self.pull.map(|part| part >> 14);
+        north * north + east * east
+    }
+
+    /// Of the tilt.
+    fn tilt_variance(&self) -> u32 {
+        let pulled = self.pull_square().max(self.held);
+        self.tilt.variance() + (pulled + q28(TILT)) as u32
+    }
+
     /// Whether the tilt's standard deviation is within the root of this, Q28 rad^2.
     pub(super) fn tilt_is_within(&self, variance: Q28) -> bool {
-        self.tilt.variance_q28(TILT) <= variance.unsigned_abs()
+        self.tilt_variance() <= variance.unsigned_abs()
     }
 
     /// Whether an update can have left these numbers.
@@ -358,6 +365,8 @@ impl UncertaintyState {
         let angles = [self.tilt, self.heading];
         let mut parts = angles.iter().flat_map(|angle| [angle.variance, angle.drift]);
         parts.all(|part| (0..=q28(UNKNOWN)).contains(&part))
+            && are_within(&self.pull, MOST_PULL)
+            && (0..=2 * MOST_PULL).contains(&self.held)
             && (0..=MOST_DEVIATION * MOST_DEVIATION + (1 << 16)).contains(&self.bias)
             && (0..=MOST_DEVIATION).contains(&self.deviation)
             && [self.drift, self.walk].iter().all(|growth| (0..=MOST_GROWTH).contains(growth))
@@ -376,9 +385,9 @@ mod tests {
             prop_assert_eq!(root(small), small.isqrt());
         }
 
-        /// To the last bits, of any number that is not negative.
+        /// To the last bits.
         #[test]
-        fn a_part_is_the_product(value in 0..i32::MAX, share in 0_i32..32_768) {
+        fn a_part_is_the_product(value in i32::MIN..i32::MAX, share in 0_i32..32_768) {
             let exact = (i64::from(value) * i64::from(share)) >> 15;
             prop_assert!((i64::from(part(value, share)) - exact).abs() <= 1);
         }

@@ -45,7 +45,7 @@ pub(super) const START_UP: u32 = 7;
 /// The job that looks after the vertical, which is the estimator's, too.
 pub(super) const VERTICAL: u32 = START_UP + 1;
 
-/// No job of the rest detection or of the compass.
+/// No job.
 pub(super) const NO_JOB: u32 = u32::MAX;
 
 /// The rest detection: limits in counts, times in blocks.
@@ -55,7 +55,7 @@ pub(super) struct Rest {
     /// Samples of a block less one: a power of two less one.
     mask: u32,
     /// Right shift from an axis' sum over a block to its mean.
-    shift: u32,
+    pub(super) shift: u32,
     /// Largest deviation of a block's mean rate from the reference, counts; a quarter of it for a
     /// known offset.
     rate_limit: i32,
@@ -103,7 +103,7 @@ pub(super) struct RestState {
 struct Axis {
     /// Mean over the reference block, counts.
     reference: i32,
-    /// Mean over the newest block, counts. The offset learns from it if the next block is still
+    /// Mean rate over the newest block, counts. The offset learns from it if the next block is still
     /// too: a motion may have begun in it.
     newest: Q9,
     /// Offset of the axis, counts; partly learned until the first rest is complete.
@@ -195,13 +195,13 @@ impl Rest {
             self.decide(state, bias);
             return;
         };
-        let mean = *sum >> (self.shift & 31);
-        let newest = (*sum << BIAS_BITS) >> (self.shift & 31);
-        *sum = 0;
-        let before = core::mem::replace(&mut axis.newest, newest);
+        let sum = core::mem::take(sum);
+        let mean = sum >> (self.shift & 31);
         let apart = (mean - axis.reference).abs();
-        let mut limit = self.acc_limit;
+        let (mut limit, mut before) = (self.acc_limit, 0);
         if job < 3 {
+            let newest = (sum << BIAS_BITS) >> (self.shift & 31);
+            before = core::mem::replace(&mut axis.newest, newest);
             limit = self.rate_limit;
             if state.early == 0 {
                 limit >>= 2;
@@ -283,6 +283,7 @@ impl RestState {
     }
 
     /// Means of the last block, within what rest allows: rates and accelerations, counts.
+    #[inline(always)]
     pub(super) fn means(&self) -> [[i32; 3]; 2] {
         let [gx, gy, gz, ax, ay, az] = self.axes.map(|axis| axis.reference);
         [[gx, gy, gz], [ax, ay, az]]

@@ -39,7 +39,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::filters::Gain;
+use super::filters::{EIGHTH, Gain, MAX_HEADING_TURN};
 use super::format::{normalised, positive};
 use crate::error::{ConfigError, in_range};
 
@@ -69,6 +69,8 @@ const ACC_LIMIT_G: f32 = 1.9;
 pub(super) struct Gains {
     pub(super) tilt: Gain,
     pub(super) heading: Gain,
+    /// Largest correction of the heading in a step, Q(16 + `heading.shift`).
+    pub(super) most_turn: i32,
     /// Largest sum of the sizes of an acceleration's components, counts, while the tilt factor is
     /// beyond [`MAX_FACTOR`]; else 0. A larger acceleration is ignored.
     pub(super) acc_limit: i32,
@@ -90,7 +92,7 @@ pub(super) struct Channel {
     /// Subtracted from `gain_log2`.
     subtract: i32,
     /// The filter's own gain.
-    own: Gain,
+    pub(super) own: Gain,
 }
 
 impl Channel {
@@ -195,6 +197,7 @@ impl Schedule {
         let gains = Gains {
             tilt: Gain { factor: 0, shift: MIN_TILT_SHIFT },
             heading: self.heading.own,
+            most_turn: most_turn(self.heading.own.shift),
             acc_limit: self.acc_limit,
             settled: 0,
         };
@@ -240,6 +243,7 @@ impl Schedule {
         gains.tilt.shift = self.tilt.own.shift - (tilt_log2 - excess) as u32;
         let heading_log2 = self.heading.raised(state.gain_log2);
         gains.heading.shift = self.heading.own.shift - heading_log2 as u32;
+        gains.most_turn = most_turn(gains.heading.shift);
     }
 
     /// Whether an update can have left these numbers.
@@ -258,6 +262,7 @@ impl Schedule {
             && (MIN_TILT_SHIFT..=31).contains(&gains.tilt.shift)
             && (least_shift..=self.heading.own.shift).contains(&gains.heading.shift)
             && gains.heading.factor == self.heading.own.factor
+            && gains.most_turn == most_turn(gains.heading.shift)
             && (is_limited || gains.acc_limit == 0)
             && gains.settled <= 1
     }
@@ -272,6 +277,11 @@ impl ScheduleState {
     pub(super) fn is_first_block(&self) -> bool {
         self.blocks == 0
     }
+}
+
+/// See [`Gains::most_turn`].
+fn most_turn(heading_shift: u32) -> i32 {
+    (EIGHTH << (heading_shift & 31)).min(MAX_HEADING_TURN)
 }
 
 /// Doublings of a gain up to a first gain.

@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::field::CompassState;
 use super::filters::FilterState;
-use super::quality::{Due, UncertaintyState};
+use super::quality::UncertaintyState;
 use super::rest::RestState;
 use super::rotation::Rotation;
 use super::start_up::{Gains, ScheduleState};
@@ -27,11 +27,11 @@ pub struct State {
     pub(super) gains: Gains,
     /// Sample number of the last field that has corrected the heading.
     pub(super) heading_tick: u32,
-    /// Jobs of the deviations still to come.
-    pub(super) due: Due,
-    pub(super) compass: CompassState,
-    pub(super) rest: RestState,
+    /// The next job of the deviations; 0 once all of a block are done.
+    pub(super) due: u32,
     pub(super) filter: FilterState,
+    pub(super) rest: RestState,
+    pub(super) compass: CompassState,
     pub(super) schedule: ScheduleState,
     pub(super) uncertainty: UncertaintyState,
     /// A step since the last block's start took more than 1.25 periods: 1, else 0.
