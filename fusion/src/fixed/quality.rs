@@ -302,8 +302,9 @@ impl Uncertainty {
         });
         let place = q28(steepness.map_or(0.0, |ratio| ratio * HEADING).min(UNKNOWN));
         let heading = state.heading.variance() + place as u32;
+        let pulled = state.pull_square().max(state.held);
         Quality {
-            tilt_rad: deviation_rad(state.tilt_variance()),
+            tilt_rad: deviation_rad(state.tilt_variance(pulled)),
             heading_rad: deviation_rad(heading),
             bias_rad_s: state.deviation as f32 / 1_048_576.0,
             bias,
@@ -349,15 +350,14 @@ impl UncertaintyState {
         north * north + east * east
     }
 
-    /// Of the tilt.
-    fn tilt_variance(&self) -> u32 {
-        let pulled = self.pull_square().max(self.held);
+    /// Variance of the tilt, with this pull.
+    fn tilt_variance(&self, pulled: Q28) -> u32 {
         self.tilt.variance() + (pulled + q28(TILT)) as u32
     }
 
-    /// Whether the tilt's standard deviation is within the root of this, Q28 rad^2.
+    /// See [`Estimator::tilt_is_within`](super::Estimator::tilt_is_within).
     pub(super) fn tilt_is_within(&self, variance: Q28) -> bool {
-        self.tilt_variance() <= variance.unsigned_abs()
+        self.tilt_variance(self.pull_square()) <= variance.unsigned_abs()
     }
 
     /// Whether an update can have left these numbers.
