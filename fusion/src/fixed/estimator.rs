@@ -280,9 +280,9 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         self.rest.bias_state(&state.rest)
     }
 
-    /// Whether the tilt's standard deviation is within the root of this variance, Q28 rad^2, without
-    /// a float. Unlike [`Self::quality`], it counts only how the accelerations pull now: a body that
-    /// came to rest need not wait until what pulled it before is forgotten.
+    /// Whether the tilt's standard deviation is within the root of this variance, Q28 rad^2,
+    /// without a float. Unlike [`Self::quality`], it counts only how the accelerations pull now: a
+    /// body that came to rest need not wait until what pulled it before is forgotten.
     pub fn tilt_is_within(&self, state: &State, variance_q28: i32) -> bool {
         state.uncertainty.tilt_is_within(variance_q28)
     }

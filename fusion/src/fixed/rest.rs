@@ -103,8 +103,8 @@ pub(super) struct RestState {
 struct Axis {
     /// Mean over the reference block, counts.
     reference: i32,
-    /// Mean rate over the newest block, counts. The offset learns from it if the next block is still
-    /// too: a motion may have begun in it.
+    /// Mean rate over the newest block, counts. The offset learns from it if the next block is
+    /// still too: a motion may have begun in it.
     newest: Q9,
     /// Offset of the axis, counts; partly learned until the first rest is complete.
     offset: Q16,
