@@ -77,7 +77,7 @@ pub struct Quality<T = f32> {
     /// Whether a field shows the heading: undisturbed, within the last half second, with a dip
     /// below 80 deg.
     pub heading_is_observable: bool,
-    /// Time since the last undisturbed field, s, to within 32 steps; `None` before the first.
+    /// Time since the last undisturbed field, s, to within 64 steps; `None` before the first.
     pub field_age_s: Option<T>,
 }
 
@@ -134,6 +134,8 @@ pub(crate) const UNKNOWN: f32 = 3.29;
 pub(crate) struct Evidence<T> {
     /// The accelerometer.
     pub(crate) acc: bool,
+    /// The pull of the accelerations.
+    pub(crate) pull: bool,
     /// The filter's least gain, 1/s.
     pub(crate) floor: T,
     /// A rate is clipped, or was.
@@ -250,7 +252,9 @@ impl<T: Real> Uncertainty<T> {
         step(tilt, dt, walk, bias, gain(evidence.acc, TILT_PER_S));
         let heading = (&mut self.heading, &mut self.heading_drift);
         step(heading, dt, walk, bias, heading_gain);
-        self.renew_pull(dt);
+        if evidence.pull {
+            self.renew_pull(dt);
+        }
     }
 
     fn renew_pull(&mut self, dt: T) {

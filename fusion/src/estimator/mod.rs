@@ -84,8 +84,9 @@ const NORM_STEPS: u8 = 8;
 /// and angle are then within 6e-6 and 1e-8.
 const SHORT_TURN: f32 = 2e-3;
 
-/// Steps between two updates of the deviations.
-const UNCERTAINTY_STEPS: u8 = 32;
+/// Steps between two updates of the deviations, and where the accelerations' pull is among them.
+const UNCERTAINTY_STEPS: u8 = 64;
+const PULL_STEPS: u8 = 32;
 
 /// Steps between two looks at the acceleration along the vertical, while it is gravity or more.
 const VERTICAL_STEPS: u8 = 64;
@@ -211,7 +212,8 @@ impl<F: Filter> Estimator<F> {
         now
     }
 
-    /// Standard deviations of the estimate, renewed every 32 steps.
+    /// Standard deviations of the estimate, renewed every 64 steps; of the VQF class,
+    /// every 32.
     pub fn quality(&self) -> Quality<F::Real> {
         let (steepness, bias) = (self.field.steepness(), self.rest.bias_state());
         self.uncertainty.quality(steepness, bias)
@@ -307,8 +309,8 @@ impl<F: Filter> Estimator<F> {
             starting: !self.flags.initialised,
         };
         self.pending = self.filter.correction(&view, &mut self.bias);
-        if is_eighth {
-            let share = const { NORM_STEPS as f32 / UNCERTAINTY_STEPS as f32 };
+        if is_eighth && F::IS_SECOND_ORDER {
+            let share = const { NORM_STEPS as f32 / PULL_STEPS as f32 };
             self.uncertainty.add_pull(self.filter.pull(), F::Real::from_f32(share));
         }
         self.update_uncertainty(&view);
@@ -360,9 +362,11 @@ impl<F: Filter> Estimator<F> {
     fn update_uncertainty(&mut self, view: &View<F::Real>) {
         let good = view.heading.as_ref().is_some_and(|seen| seen.undisturbed);
         self.uncertainty.pass(view.dt, good);
-        if self.steps.is_multiple_of(UNCERTAINTY_STEPS) {
+        let steps = if F::IS_SECOND_ORDER { PULL_STEPS } else { UNCERTAINTY_STEPS };
+        if self.steps.is_multiple_of(steps) {
             let evidence = Evidence {
                 acc: view.acc.is_some(),
+                pull: F::IS_SECOND_ORDER,
                 floor: view.floor,
                 clipped: self.flags.over_range,
                 rest: self.flags.at_rest,
