@@ -418,7 +418,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         } else if job == rest::VERTICAL {
             self.check_vertical(state);
         } else if job == rest::NO_JOB {
-        } else if state.compass.is_due() {
+        } else if state.compass.is_due() && (state.due == 0 || !job::is_turn(job)) {
             self.compass.judge(&mut state.compass, gyr);
         } else {
             self.update_uncertainty(state, gyr);
@@ -449,6 +449,10 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     fn update_uncertainty(&self, state: &mut State, gyr: &[i16; 3]) {
         let job = state.due;
         state.due -= 1;
+        // A running mean smooths nothing, so nothing pulls.
+        if state.due == job::PULL && !state.gains.is_settled() {
+            state.due = job::GROW;
+        }
         let (own, uncertainty) = (&self.uncertainty, &mut state.uncertainty);
         let (schedule, gain_log2) = (&self.schedule, state.schedule.gain_log2);
         match job {

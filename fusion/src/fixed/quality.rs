@@ -150,11 +150,11 @@ pub(super) mod job {
     pub(in super::super) const GROW: u32 = 1;
 
     /// Whether a job takes the step with this number in its block even from a field, to correct the
-    /// heading by. Before these come steps without one, of a magnetometer that is slower. A block
-    /// of 32 steps has eight, two of which the compass may take.
+    /// heading by, or from the compass. Steps without a field come first; a block of 32 has six of
+    /// these.
     #[inline(always)]
     pub(in super::super) fn is_turn(step: u32) -> bool {
-        step & 0x11 == 0x11
+        step & 3 == 3
     }
 }
 
