@@ -206,8 +206,7 @@ impl<'a> Application<'a> {
         let mut has_heard = false;
         // The sensor's reply is nothing for the host.
         if !matches!(event, Event::Reply(_)) {
-            // An order takes up to 2 ms, in flight 0.5: it waits for the step of a burst that is
-            // under way.
+            // An order takes time: it waits for the step of a burst that is under way.
             let may_obey =
                 event != Event::Nothing || !self.sensor.is_sampling() || board.bus() != Bus::Busy;
             has_heard = self.exchange(now, may_obey, board);

@@ -88,7 +88,7 @@ pub(crate) struct Settings {
     channels: [Channel; Axis::COUNT],
     /// How many of them are steered.
     steered: usize,
-    /// How many of these have not taken over the newest parameters yet, the last ones.
+    /// How many steered channels have not taken over the newest parameters yet: the last ones.
     due: usize,
 }
 

@@ -56,7 +56,7 @@ def frames():
             ),
         ),
         ("debug_vect", mavlink.MAVLink_debug_vect_message(b"imu_bus", 1240001, 4423, 4580, 100)),
-        # Those of an estimate that has seen nothing: 2839 / 2^14 rad.
+        # Those of an estimate that has seen nothing: 2838 / 2^14 rad.
         ("tilt_sd", mavlink.MAVLink_named_value_float_message(1240, b"tilt_sd", 9.924646377563477)),
         ("head_sd", mavlink.MAVLink_named_value_float_message(1240, b"head_sd", 0)),
     ]

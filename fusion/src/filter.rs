@@ -104,8 +104,8 @@ pub trait Filter: Sized {
     #[doc(hidden)]
     const IS_SECOND_ORDER: bool = false;
 
-    /// The correction of the tilt, about north and east, rad/s, smoothed over a second or more;
-    /// zero of a filter that does not smooth it. The deviations grow by it.
+    /// The correction of the tilt, about north and east, rad/s, smoothed over a second or more. The
+    /// deviations of a filter of second order grow by it; no other is asked.
     #[doc(hidden)]
     fn pull(&self) -> [Self::Real; 2] {
         [Self::Real::ZERO; 2]

@@ -84,8 +84,10 @@ const NORM_STEPS: u8 = 8;
 /// and angle are then within 6e-6 and 1e-8.
 const SHORT_TURN: f32 = 2e-3;
 
-/// Steps between two updates of the deviations, and where the accelerations' pull is among them.
+/// Steps between two updates of the deviations.
 const UNCERTAINTY_STEPS: u8 = 64;
+
+/// The same of a filter that tells the pull of the accelerations, which grows faster.
 const PULL_STEPS: u8 = 32;
 
 /// Steps between two looks at the acceleration along the vertical, while it is gravity or more.
@@ -212,8 +214,7 @@ impl<F: Filter> Estimator<F> {
         now
     }
 
-    /// Standard deviations of the estimate, renewed every 64 steps; of the VQF class,
-    /// every 32.
+    /// Standard deviations of the estimate, renewed every 64 steps, and of the VQF class every 32.
     pub fn quality(&self) -> Quality<F::Real> {
         let (steepness, bias) = (self.field.steepness(), self.rest.bias_state());
         self.uncertainty.quality(steepness, bias)

@@ -159,6 +159,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         let per_count_us = scale.gyr_rad_s * 0.5e-6 * 2_147_483_648.0;
         let rest = Rest::new(&config.rest, scale, period_s)?;
         let turn = per_count_us * max_short_dt_us as f32;
+        let squared = |value: f32| (value * value) as u32;
         let most = (1u32 << (31 - BIAS_BITS)) as f32 / (rest.max_bias + 1) as f32;
         in_range(turn, 0.0, most, "rest.max_bias_rad_s")?;
         let (_, turn_shift) = normalised(turn, most.min(32_768.0));
@@ -346,7 +347,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
 
         // Heading correction is skipped in steps that are long or run housekeeping, to bound the
         // worst-case cycles.
-        // No job counts as one: a long step has enough to do.
+        // [`rest::NO_JOB`], of a long step, wraps to 0.
         let busy = job.wrapping_add(1) <= rest::VERTICAL + 1
             || state.compass.is_due()
             || (state.due != 0 && (mag.is_none() || job::is_turn(job)));
@@ -418,6 +419,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         } else if job == rest::VERTICAL {
             self.check_vertical(state);
         } else if job == rest::NO_JOB {
+            // The step is long.
         } else if state.compass.is_due() && (state.due == 0 || !job::is_turn(job)) {
             self.compass.judge(&mut state.compass, gyr);
         } else {
@@ -509,15 +511,10 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     }
 }
 
-/// Rounded down, at most the largest.
-fn squared(value: f32) -> u32 {
-    (value * value) as u32
-}
-
-/// Of means of 16 bits.
+/// Square of the length of a vector of 16 bits a part.
 #[inline(always)]
-fn square(means: &[i32; 3]) -> u32 {
-    means.iter().map(|mean| (mean * mean) as u32).sum()
+fn square(v: &[i32; 3]) -> u32 {
+    v.iter().map(|part| (part * part) as u32).sum()
 }
 
 /// Largest rate of a block whose mean acceleration shows a vertical, rad/s. In half a block and the

@@ -56,7 +56,7 @@ const GAP: f32 = 0.25;
 
 /// Effect of a filter's own gain on the uncertainty of an angle in a block.
 #[derive(Clone, Debug, PartialEq)]
-struct Pull {
+struct Decay {
     /// Shares of the variance and of the drift that it removes.
     variance: Q15,
     drift: Q15,
@@ -64,7 +64,7 @@ struct Pull {
     noise: Q28,
 }
 
-impl Pull {
+impl Decay {
     fn new(per_s: f32, block_s: f32) -> Self {
         let share = per_s * block_s;
         Self {
@@ -91,11 +91,11 @@ struct Angle {
 impl Angle {
     /// A block's corrections, by the filter's own gain times `2^gain_log2`.
     #[inline(never)]
-    fn correct(&mut self, pull: &Pull, gain_log2: i32) {
+    fn correct(&mut self, decay: &Decay, gain_log2: i32) {
         let log2 = gain_log2.min(8);
         let taken = |share: Q15| (share << log2).min(MOST);
-        self.variance += (pull.noise << (2 * log2)) - part(self.variance, taken(pull.variance));
-        self.drift -= part(self.drift, taken(pull.drift));
+        self.variance += (decay.noise << (2 * log2)) - part(self.variance, taken(decay.variance));
+        self.drift -= part(self.drift, taken(decay.drift));
     }
 
     /// A block's walk and drift.
@@ -161,8 +161,8 @@ pub(super) mod job {
 /// Growth and decay of the uncertainties in a block.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Uncertainty {
-    tilt: Pull,
-    heading: Pull,
+    tilt: Decay,
+    heading: Decay,
     /// Shares of the pull and of its memory that a block removes.
     pull_lost: Q15,
     hold_lost: Q15,
@@ -205,8 +205,8 @@ impl Uncertainty {
     pub(super) fn new(scale: &Scale, block_s: f32) -> Self {
         let (per_count, shift) = normalised(scale.gyr_rad_s * 128.0, 16_384.0);
         Self {
-            tilt: Pull::new(TILT_PER_S, block_s),
-            heading: Pull::new(HEADING_PER_S, block_s),
+            tilt: Decay::new(TILT_PER_S, block_s),
+            heading: Decay::new(HEADING_PER_S, block_s),
             pull_lost: lost(PULL_PER_S * block_s),
             hold_lost: lost(HOLD_PER_S * block_s),
             per_count,
@@ -263,8 +263,8 @@ impl Uncertainty {
 
     /// [`job::PULL`]: half the correction of the tilt in a sample of the block.
     pub(super) fn pull(&self, state: &mut UncertaintyState, half: [Q31; 2], samples_log2: u32) {
-        // As much as a block removes of 1 rad: it is the largest pull.
-        let most = (self.pull_lost << 13) >> (samples_log2 & 31);
+        // As much as a block removes of a pull just below `MOST_PULL`, which therefore stays.
+        let most = (self.pull_lost * 8_191) >> (samples_log2 & 31);
         for (pull, half) in state.pull.iter_mut().zip(half) {
             let correction = (half >> 2).min(most).max(-most) << (samples_log2 & 31);
             *pull += correction - (*pull >> 15) * self.pull_lost;
@@ -379,6 +379,24 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        /// However the accelerations pull, to whichever side.
+        #[test]
+        fn a_pull_stays_within_its_bounds(
+            sides in proptest::collection::vec((-1_i32..=1, -1_i32..=1), 1..9),
+            block_s in 0.17f32..0.36,
+            log2 in 5_u32..12,
+        ) {
+            let uncertainty = Uncertainty::new(&Scale::BNO055, block_s);
+            let mut state = UncertaintyState::start();
+            for (north, east) in sides {
+                for _ in 0..300 {
+                    uncertainty.pull(&mut state, [north * i32::MAX, east * i32::MAX], log2);
+                    uncertainty.grow(&mut state);
+                    prop_assert!(state.is_sound(), "{state:?}");
+                }
+            }
+        }
+
         #[test]
         fn roots_are_those_of_the_library(square in any::<u32>(), small in 0_u32..70_000) {
             prop_assert_eq!(root(square), square.isqrt());
