@@ -38,6 +38,7 @@ pub mod observe;
 pub mod random;
 mod received;
 mod rig;
+mod unsent;
 mod wiring;
 
 pub use bench::{disturbance, sensor_motion};

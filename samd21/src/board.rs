@@ -194,6 +194,17 @@ impl I2cReply {
     }
 }
 
+/// The master lets go of both lines in the middle of a transfer, without a STOP: a reset of the
+/// chip or its SERCOM, or ENABLE taken away.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct I2cCut {
+    /// Clocks of the last event's byte that have passed, 0 to 8. Behind the eighth one the slave
+    /// acknowledges a byte from the master, and the master one from the slave.
+    pub clocks: u8,
+    /// For how long the slave goes on to hold SCL low.
+    pub stretch: Ticks,
+}
+
 /// A set of I2C lines: true for each line in it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lines {
@@ -219,8 +230,12 @@ pub trait Board {
         I2cReply::NAK
     }
 
-    /// Which I2C lines others than the chip hold low at `now`: stuck lines, a slave interrupted in
-    /// the middle of a byte. Clock stretching is part of [`I2cReply`] and not reported here.
+    /// The chip, as I2C master, lets go of the bus while the slave of the last event sends a byte,
+    /// acknowledges one or stretches the clock. The slave goes on as far as it is clocked.
+    fn i2c_cut(&mut self, _now: Ticks, _cut: I2cCut) {}
+
+    /// Which I2C lines others than the chip hold low at `now`: stuck lines, a slave whose byte was
+    /// [cut](Self::i2c_cut). Clock stretching is part of [`I2cReply`] and not reported here.
     fn i2c_held_low(&self, _now: Ticks) -> Lines {
         Lines::default()
     }

@@ -30,7 +30,7 @@ use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
 use crate::observe::waves::Waves;
 use nalgebra::{UnitQuaternion, Vector3};
 use plant::{Checked, Crank, Servo};
-use samd21::board::{Board, I2cEvent, I2cPins, I2cReply, Lines, Pin, Ticks};
+use samd21::board::{Board, I2cCut, I2cEvent, I2cPins, I2cReply, Lines, Pin, Ticks};
 use tvc_nano::Axis;
 use tvc_nano::sensor::Kind;
 
@@ -430,7 +430,13 @@ impl Board for Environment {
     }
 
     fn i2c_held_low(&self, now: Ticks) -> Lines {
-        self.sensor.held_low(now)
+        let (sensor, onboard) = (self.sensor.held_low(now), self.onboard.held_low(now));
+        Lines { sda: sensor.sda || onboard.sda, scl: sensor.scl || onboard.scl }
+    }
+
+    fn i2c_cut(&mut self, now: Ticks, cut: I2cCut) {
+        self.sensor.cut(now, cut);
+        self.onboard.cut(now, cut);
     }
 
     fn i2c_glitch(&mut self, now: Ticks) -> bool {
@@ -458,7 +464,14 @@ impl Board for Environment {
                 }
             }
             pin if pin == wiring.probe => self.analyzer.probe(now, level, &mut self.truth),
-            pin if pin == wiring.i2c.scl && level => self.sensor.clocked(),
+            pin if pin == wiring.i2c.scl => {
+                self.sensor.clock(now, level);
+                self.onboard.clock(now, level);
+            }
+            pin if pin == wiring.i2c.sda && level => {
+                self.sensor.data_released(now);
+                self.onboard.data_released(now);
+            }
             _ => {}
         }
     }

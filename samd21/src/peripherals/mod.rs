@@ -57,7 +57,7 @@ pub use user_row::UserRow;
 pub use violations::{Violation, Violations};
 
 use crate::Options;
-use crate::board::{Board, Ticks};
+use crate::board::{Board, I2cCut, Ticks};
 use crate::memory::{FLASH_SIZE, Memory};
 use access::{Bus, Lanes, Read, Write};
 pub(crate) use clock::FRACTION;
@@ -93,6 +93,8 @@ pub(crate) struct Peripherals {
     pub(crate) last: Ticks,
     /// A reset that a peripheral asks for.
     pub(crate) pending_reset: Option<ResetCause>,
+    /// A transfer that a reset has cut, of which the board is yet to learn.
+    cut: Option<I2cCut>,
 }
 
 impl Peripherals {
@@ -122,6 +124,7 @@ impl Peripherals {
             next: Ticks::NEVER,
             last: Ticks::ZERO,
             pending_reset: None,
+            cut: None,
         };
         peripherals.retime(Ticks::ZERO);
         peripherals.wdt.power_up(Ticks::ZERO);
@@ -130,7 +133,7 @@ impl Peripherals {
     }
 
     /// All registers as after a reset for this reason, which ends what flash was doing. The board
-    /// learns of the released pins when time goes on.
+    /// learns of the released pins and of a transfer that is cut when time goes on.
     pub(crate) fn reset(&mut self, now: Ticks, cause: ResetCause, memory: &mut Memory) {
         self.nvmctrl.cut_short(now, memory, self.options.seed);
         self.port.reset();
@@ -140,13 +143,14 @@ impl Peripherals {
             sysctrl: self.sysctrl.after_reset(&self.options, cause),
             port: self.port.clone(),
             violations: self.violations.clone(),
+            cut: self.sercom.iter().find_map(|sercom| sercom.cut(now)),
             last: now,
             ..fresh
         };
         self.retime(now);
         self.wdt.power_up(now);
         self.refresh(now);
-        // The board is to learn of the released pins.
+        // The board is to learn of what the reset has changed.
         self.next = now;
     }
 
@@ -182,7 +186,12 @@ impl Peripherals {
             Block::Dsu => self.dsu.read(now, offset),
             Block::Eic => self.eic.read(now, offset),
             Block::Nvmctrl => self.nvmctrl.read(now, offset),
-            Block::Port => self.port.read(now, offset, board),
+            Block::Port => {
+                let word = self.port.read(now, offset, board)?;
+                let is_held = self.sercom.iter().any(|sercom| sercom.holds_scl(now));
+                let scl = board.i2c_pins().map(|lines| lines.scl).filter(|_| is_held);
+                Ok(word & !scl.map_or(0, |scl| port::input_mask(scl, offset)))
+            }
             Block::Sercom(index) => self.sercom[index].read(now, offset, board),
             Block::Tc(index) => self.tc[index].read(now, offset),
             Block::Tcc(index) => self.tcc[index].read(now, offset),
@@ -319,6 +328,9 @@ impl Peripherals {
         let now = due.max(self.last);
         self.last = now;
         self.port.publish_pending(now, board);
+        if let Some(cut) = self.cut.take() {
+            board.i2c_cut(now, cut);
+        }
         if self.sysctrl.next(now.saturating_sub(Ticks(1))) == now {
             self.sysctrl.advance(now);
             self.retime(now);

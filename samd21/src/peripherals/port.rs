@@ -294,6 +294,11 @@ impl Port {
     }
 }
 
+/// The bit of the register at `offset` that shows the level at `pin`, if any does.
+pub(crate) fn input_mask(pin: Pin, offset: u32) -> u32 {
+    if offset == 0x80 * u32::from(pin.group) + 0x20 { 1 << pin.index } else { 0 }
+}
+
 fn group_of(offset: u32) -> Result<u8, Refusal> {
     match offset {
         0x00..=0x7F => Ok(0),

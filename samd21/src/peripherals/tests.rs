@@ -1,5 +1,5 @@
 use super::*;
-use crate::board::{I2cEvent, I2cPins, I2cReply, Pin, Unconnected};
+use crate::board::{I2cCut, I2cEvent, I2cPins, I2cReply, Pin, Unconnected};
 use crate::tests::*;
 
 const TCC0: u32 = 0x4200_2000;
@@ -209,12 +209,13 @@ fn a_protected_peripheral_refuses_writes_but_not_reads() {
 struct Recorder {
     i2c: I2cPins,
     edges: Vec<(Ticks, Pin, bool)>,
+    cuts: Vec<(Ticks, I2cCut)>,
     last: Ticks,
 }
 
 impl Recorder {
     fn new(sda: Pin, scl: Pin) -> Self {
-        Self { i2c: I2cPins { sda, scl }, edges: Vec::new(), last: Ticks::ZERO }
+        Self { i2c: I2cPins { sda, scl }, edges: Vec::new(), cuts: Vec::new(), last: Ticks::ZERO }
     }
 
     fn order(&mut self, now: Ticks) {
@@ -233,6 +234,10 @@ impl Board for Recorder {
             I2cEvent::Start { address: 0x29, .. } => I2cReply::ACK,
             _ => I2cReply::NAK,
         }
+    }
+    fn i2c_cut(&mut self, now: Ticks, cut: I2cCut) {
+        self.order(now);
+        self.cuts.push((now, cut));
     }
     fn pin(&mut self, now: Ticks, pin: Pin, level: bool) {
         self.order(now);
@@ -289,6 +294,42 @@ fn a_reset_lets_the_pins_go_and_tells_why() {
     assert!(bench.try_read(TCC0, Width::Word).is_err());
 }
 
+/// Clocks, then a SERCOM as I2C master through these pads at 400 kHz, bus idle.
+fn i2c_bench(sercom: u32, sda: Pin, scl: Pin, function: u32) -> Bench<Recorder> {
+    let base = 0x4200_0800 + 0x400 * sercom;
+    let mut bench = Bench::new(Ticks::ZERO, Recorder::new(sda, scl));
+    bench.start_clocks();
+    let mask = bench.r32(PM_APBCMASK);
+    bench.w32(PM_APBCMASK, mask | 1 << (2 + sercom));
+    bench.route(0x14 + sercom as u16, 0);
+    for pin in [sda, scl] {
+        bench.multiplex(u32::from(pin.group), u32::from(pin.index), function);
+    }
+    bench.w32(base, 5 << 2);
+    bench.w32(base + 0x0C, 59);
+    bench.w32(base, 5 << 2 | 2);
+    bench.w16(base + 0x1A, 1 << 4);
+    bench
+}
+
+#[test]
+fn scl_shows_at_its_pin_and_a_reset_cuts_the_transfer() {
+    let mut bench = i2c_bench(4, Pin::b(8), Pin::b(9), 3);
+    bench.w16(PORT + 0x80 + 0x48, 0x0303);
+    let lines = |bench: &mut Bench<Recorder>| bench.r32(PORT + 0x80 + 0x20) >> 8 & 3;
+    assert_eq!(lines(&mut bench), 3);
+    bench.w32(0x4200_1800 + 0x24, 0x29 << 1);
+    bench.pass(Ticks::from_us(40));
+    assert_eq!(lines(&mut bench), 1, "SCL is held for the next byte");
+    bench.w32(0x4200_1800 + 0x24, 0x29 << 1 | 1);
+    // Repeated START, address and six clocks, of 142 ticks each, behind the write.
+    bench.pass(Ticks(142 * 16 + 71));
+    let now = bench.now;
+    bench.reset(ResetCause::Watchdog);
+    bench.pass(Ticks(10));
+    assert_eq!(bench.board.cuts, [(now, I2cCut { clocks: 6, stretch: Ticks::ZERO })]);
+}
+
 #[test]
 fn any_sercom_is_an_i2c_master_through_the_pads_that_reach_the_boards_bus() {
     // SERCOM, SDA, SCL, multiplexer function: the Nano 33 IoT's, then those of other boards.
@@ -300,18 +341,7 @@ fn any_sercom_is_an_i2c_master_through_the_pads_that_reach_the_boards_bus() {
         (0, Pin::a(8), Pin::a(9), 2),
     ] {
         let base = 0x4200_0800 + 0x400 * sercom;
-        let mut bench = Bench::new(Ticks::ZERO, Recorder::new(sda, scl));
-        bench.start_clocks();
-        let mask = bench.r32(PM_APBCMASK);
-        bench.w32(PM_APBCMASK, mask | 1 << (2 + sercom));
-        bench.route(0x14 + sercom as u16, 0);
-        for pin in [sda, scl] {
-            bench.multiplex(u32::from(pin.group), u32::from(pin.index), function);
-        }
-        bench.w32(base, 5 << 2);
-        bench.w32(base + 0x0C, 59);
-        bench.w32(base, 5 << 2 | 2);
-        bench.w16(base + 0x1A, 1 << 4);
+        let mut bench = i2c_bench(sercom, sda, scl, function);
         bench.w8(base + 0x16, 1);
         bench.w32(base + 0x24, 0x29 << 1);
         assert_eq!(bench.peripherals.irq_lines, 0);

@@ -19,11 +19,14 @@
 //! bus is BUSY until SDA is released, which is a STOP. SDA falling while the bus is IDLE is a START
 //! of another master: BUSY.
 //!
+//! A reset, SWRST or a change of ENABLE lets go of both lines. The board is told where the slave
+//! stands, if it holds a line then: as it sends a byte, acknowledges one or stretches the clock.
+//!
 //! With GCLK_SERCOM_SLOW running, LOWTOUTEN ends 30 ms of low SCL (25 to 35 on the chip) with
 //! LOWTOUT, BUSERR and a STOP, and INACTOUT makes a BUSY bus IDLE after its time.
 
 use super::{ACKACT, ARBLOST, BUSERR, ERROR, LOWTOUT, LOWTOUTEN, MB, RXNACK, SB, Sercom};
-use crate::board::{Board, I2cEvent, I2cReply, Lines, Ticks};
+use crate::board::{Board, I2cCut, I2cEvent, I2cReply, Lines, Ticks};
 use crate::peripherals::access::Bus;
 
 /// Rise time of SCL: 4.7 kOhm with 75 pF.
@@ -104,8 +107,37 @@ impl Sercom {
         }
     }
 
+    /// Where the slave stands if the lines are let go now, and it may hold one.
+    pub(crate) fn cut(&self, now: Ticks) -> Option<I2cCut> {
+        let left = self.due.saturating_sub(now);
+        let (clocks, stretch) = match self.motion {
+            _ if !self.connected => return None,
+            Motion::End(Byte::Read, reply) => {
+                let bits = left.saturating_sub(reply.stretch).0.div_ceil(self.bit().0.max(1));
+                (8_u64.saturating_sub(bits) as u8, if bits == 0 { left } else { Ticks::ZERO })
+            }
+            Motion::End(_, reply) => (8, left.min(reply.stretch)),
+            Motion::LateStop => (8, left),
+            _ => return None,
+        };
+        Some(I2cCut { clocks, stretch })
+    }
+
+    /// Whether the master or the slave that it talks to holds SCL low.
+    pub(crate) fn holds_scl(&self, now: Ticks) -> bool {
+        self.connected && self.scl_low_since.is_some_and(|since| since <= now)
+    }
+
+    /// The lines are let go.
+    pub(super) fn tell_cut(&self, bus: &mut Bus<'_>) {
+        if let Some(cut) = self.cut(bus.now) {
+            bus.board.i2c_cut(bus.now, cut);
+        }
+    }
+
     /// ENABLE has changed: the lines are released, nobody knows the bus.
     pub(super) fn release_lines(&mut self, bus: &mut Bus<'_>) {
+        self.tell_cut(bus);
         self.state = BusState::Unknown;
         self.held = None;
         self.rest();

@@ -191,6 +191,7 @@ impl Sercom {
 
     fn write_ctrla(&mut self, bus: &mut Bus<'_>, value: u32) -> Write {
         if value & SWRST != 0 {
+            self.tell_cut(bus);
             let fresh = Self::new(self.index, Ticks::ZERO);
             *self = Self {
                 clock: self.clock,

@@ -1,5 +1,5 @@
 use super::*;
-use crate::board::{I2cEvent, I2cReply, Pin};
+use crate::board::{I2cCut, I2cEvent, I2cReply, Pin};
 use crate::peripherals::violations::Violations;
 
 const IDLE: u16 = 1 << 4;
@@ -18,6 +18,7 @@ struct Slave {
     glitch: bool,
     addressed: bool,
     log: Vec<(u64, I2cEvent)>,
+    cuts: Vec<(u8, u64)>,
 }
 
 impl Board for Slave {
@@ -48,6 +49,10 @@ impl Board for Slave {
             }
             I2cEvent::Stop => I2cReply::ACK.stretched(self.stop_stretch),
         }
+    }
+
+    fn i2c_cut(&mut self, _now: Ticks, cut: I2cCut) {
+        self.cuts.push((cut.clocks, cut.stretch.0));
     }
 
     fn i2c_held_low(&self, _now: Ticks) -> Lines {
@@ -266,6 +271,50 @@ fn a_stop_that_never_comes_ends_with_the_low_time_out() {
     assert_eq!(rig.status(), OWNER);
     rig.pass(Ticks::from_ms(2));
     assert_eq!(rig.status() & (LOWTOUT | BUSERR), LOWTOUT | BUSERR);
+}
+
+/// The slave acknowledges with the ninth clock, stretches, sends eight bits, stretches: SWRST and
+/// DISABLE at any time tell where it stands.
+#[test]
+fn a_transfer_that_is_cut_tells_where_the_slave_stands() {
+    let (bit, stretch) = (142, 9_000);
+    let acknowledges = bit * 9 + bit / 2;
+    let reads = bit * 10 + stretch;
+    for (after, told) in [
+        (acknowledges - 1, vec![]),
+        (acknowledges, vec![(8, stretch)]),
+        (acknowledges + bit / 2 + 100, vec![(8, stretch - 100)]),
+        (reads, vec![(0, 0)]),
+        (reads + bit * 3 - 1, vec![(2, 0)]),
+        (reads + bit * 3, vec![(3, 0)]),
+        (reads + bit * 8 + 10, vec![(8, stretch - 10)]),
+        // SB: the master holds SCL, and the slave has let go of SDA.
+        (reads + bit * 8 + stretch, vec![]),
+    ] {
+        for ctrla in [SWRST, MODE_I2C_MASTER] {
+            let mut rig = Rig::ready();
+            rig.slave.stretch = Ticks(stretch);
+            rig.write(0x24, 0x29 << 1 | 1);
+            rig.pass(Ticks(after));
+            rig.write(0x00, ctrla);
+            assert_eq!(rig.slave.cuts, told, "{after}");
+        }
+    }
+}
+
+#[test]
+fn a_stop_that_is_cut_leaves_the_slave_to_hold_scl() {
+    let mut rig = Rig::ready();
+    rig.slave.stop_stretch = Ticks(500);
+    rig.write(0x24, 0x29 << 1);
+    rig.wait();
+    assert!(rig.sercom.holds_scl(rig.now), "MB");
+    rig.command(3, true);
+    rig.pass(Ticks(142 * 3 / 2 + 100));
+    assert!(rig.sercom.holds_scl(rig.now), "the slave");
+    rig.write(0x00, SWRST);
+    assert!(!rig.sercom.holds_scl(rig.now));
+    assert_eq!(rig.slave.cuts, [(8, 400)]);
 }
 
 #[test]
