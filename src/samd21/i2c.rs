@@ -216,11 +216,11 @@ impl Bus {
     fn repair(&mut self) {
         with_master(|master| master.set_broken(true));
         self.repair_at = now().after(REPAIR_PERIOD_US);
-        if sercom::reset().is_err() || !recovery::free(WIRING.bus.sda, WIRING.bus.scl) {
-            return;
-        }
+        let is_free = sercom::reset().is_ok() && recovery::free(WIRING.bus.sda, WIRING.bus.scl);
+        // A held bus, too, leaves the lines to the peripheral, where the guard of registers expects
+        // them.
         self.connect();
-        let ready = sercom::set_up(self.khz).is_ok();
+        let ready = is_free && sercom::set_up(self.khz).is_ok();
         with_master(|master| master.set_broken(!ready));
     }
 }

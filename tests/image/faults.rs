@@ -179,6 +179,35 @@ fn a_slave_inside_a_byte_is_clocked_free() {
     assert!(rig.now() - last.end < ms(20), "bursts go on");
 }
 
+/// A reset in the middle of a byte leaves the sensor with bits that it has not sent. The image
+/// clocks it through them, wherever in 20 ms the reset comes. A sensor that then holds the clock,
+/// too, takes a second attempt.
+#[test]
+fn a_reset_in_mid_transfer_delays_the_sensor_by_25_ms_at_most() {
+    let flight = in_flight();
+    let mut held = 0;
+    let mut delays = Vec::new();
+    for instant in 0..240 {
+        let mut rig = flight.rig.clone();
+        rig.run_for(Ticks::from_us(instant * 83)).unwrap();
+        rig.press_reset();
+        rig.run_for(Ticks::from_us(1)).unwrap();
+        held += usize::from(rig.environment.sensor.held_low(rig.now()).sda);
+        while rig.in_bootloader() {
+            rig.run_for(ms(1)).unwrap();
+        }
+        let (started, bursts) = (rig.now(), rig.truth().bursts.len());
+        while rig.truth().bursts.len() == bursts {
+            assert!(rig.now() < started + ms(1000), "{instant}: no burst");
+            rig.run_for(ms(1)).unwrap();
+        }
+        delays.push(rig.now() - started);
+    }
+    assert!(held > 20, "the sensor held SDA behind {held} resets only");
+    let (shortest, longest) = (delays.iter().min().unwrap(), delays.iter().max().unwrap());
+    assert!(*longest - *shortest < ms(25), "{shortest} to {longest}");
+}
+
 /// Some eight bursts have a wrong word. Of two within 20 ms the second is a failsafe.
 #[test]
 fn spikes_are_ridden_out() {
