@@ -96,6 +96,8 @@ pub struct Rig {
     hardware: Hardware,
     bootloader: Bootloader,
     running: Running,
+    /// When the image was last started.
+    started: Ticks,
     resets: Vec<(Ticks, ResetCause)>,
     halts: usize,
     lowest_sp: u32,
@@ -132,6 +134,7 @@ impl Rig {
             hardware: config.hardware.clone(),
             bootloader,
             running: Running::Image,
+            started: Ticks::ZERO,
             resets: Vec::new(),
             halts: 0,
             usb_loss: generator(config.seed, Stream::Port),
@@ -231,6 +234,7 @@ impl Rig {
         self.bootloader.leave(self.chip.memory.ram_mut());
         self.chip.boot(self.image.address());
         self.running = Running::Image;
+        self.started = self.now();
     }
 
     /// Presses the reset button.
@@ -275,6 +279,11 @@ impl Rig {
     /// True while the bootloader runs instead of the image.
     pub fn in_bootloader(&self) -> bool {
         self.running != Running::Image
+    }
+
+    /// When the image was started behind the last reset; `None` while the bootloader runs.
+    pub fn started(&self) -> Option<Ticks> {
+        (!self.in_bootloader()).then_some(self.started)
     }
 
     /// Every reset since power-on, with its time.

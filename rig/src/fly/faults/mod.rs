@@ -119,6 +119,9 @@ pub const WRONG_LIMIT: Ticks = Ticks::from_ms(200);
 /// Longest time without a pulse behind one that was not neutral: the watchdog's time-out, the
 /// bootloader's half second and the start.
 pub const SILENCE_LIMIT: Ticks = Ticks::from_ms(800);
+/// Longest time from the start of the image behind a reset to the first burst: its self-test and
+/// the set-up of the sensor take 133 ms, a second attempt to free the bus 22 ms.
+pub const SENSOR_LIMIT: Ticks = Ticks::from_ms(190);
 
 /// A flight without a fault, or another phase, from which runs fork.
 pub struct Campaign {
@@ -380,6 +383,7 @@ impl Campaign {
             phase: self.phase,
             reference_pulses: self.neutral_us.iter().map(pulses).collect(),
             given_up: rig.in_bootloader(),
+            blind: blind_since_start(rig).unwrap_or_default(),
             commanded: kind.commands(),
             stored_others: !self.undisturbed.has_stored(rig, kind.spoils_store()),
             blame: match rig.halts() > begun.halts {
@@ -436,6 +440,14 @@ impl Campaign {
             watched: Watched::default(),
         }
     }
+}
+
+/// How long the image has run, since its last start, without a burst.
+fn blind_since_start(rig: &Rig) -> Option<Ticks> {
+    let started = rig.started()?;
+    let mut bursts = rig.truth().bursts.iter().map(|burst| burst.start);
+    let first = bursts.find(|start| *start >= started);
+    Some(first.unwrap_or(rig.now()).saturating_sub(started))
 }
 
 /// A run at the instant of its fault.

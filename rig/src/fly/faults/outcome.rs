@@ -51,6 +51,9 @@ pub enum Unsafe {
     /// The chip was reset.
     #[error("the chip was reset")]
     Reset,
+    /// Behind a reset, no burst of the sensor for this time.
+    #[error("no burst of the sensor for {:.0} ms behind a reset", ms(.0))]
+    NoSensor(Ticks),
     /// In control, but the drone is this far from the flight without the fault, rad.
     #[error("in control, but {0:.2} rad off course")]
     OffCourse(f64),

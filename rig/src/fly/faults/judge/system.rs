@@ -5,7 +5,9 @@ use samd21::board::Ticks;
 use tvc_nano::Axis;
 
 use super::{Record, Rudder, Stray, TRAVEL_US};
-use crate::fly::faults::{Ending, Phase, SILENCE_LIMIT, Unsafe, Verdict, WRONG_LIMIT};
+use crate::fly::faults::{
+    Ending, Phase, SENSOR_LIMIT, SILENCE_LIMIT, Unsafe, Verdict, WRONG_LIMIT,
+};
 use crate::observe::ground_truth::{Motion, Pulse};
 
 /// What was seen of a run with a fault beyond the sensor.
@@ -17,6 +19,8 @@ pub(crate) struct SystemRun<'a> {
     /// The bootloader has the chip, and keeps it: it was asked to by an image that is not to be
     /// run.
     pub(crate) given_up: bool,
+    /// How long the image ran, behind the last reset, without a burst of the sensor.
+    pub(crate) blind: Ticks,
     /// The host gave orders, which the vehicle obeys by its rules: its course is its own.
     pub(crate) commanded: bool,
     /// The flash has a set of parameters at the end that nobody had stored.
@@ -90,6 +94,9 @@ pub(crate) fn judge_system(run: &SystemRun<'_>) -> Verdict {
         Some(wrong) => Ending::Unsafe(wrong),
         None if wrong > WRONG_LIMIT => Ending::Unsafe(Unsafe::Driven(wrong)),
         None if silent > SILENCE_LIMIT && !run.given_up => Ending::Unsafe(Unsafe::NoPulse(silent)),
+        None if run.blind > SENSOR_LIMIT && !run.record.resets.is_empty() => {
+            Ending::Unsafe(Unsafe::NoSensor(run.blind))
+        }
         None if is_as_before => Ending::Recovered,
         None if run.record.resets.is_empty() => Ending::Neutral,
         None => Ending::Restarted,
@@ -261,6 +268,7 @@ mod tests {
         beats: Vec<Heartbeat>,
         resets: Vec<(Ticks, ResetCause)>,
         given_up: bool,
+        blind: Ticks,
         commanded: bool,
         stored_others: bool,
         clock_error: f64,
@@ -285,6 +293,7 @@ mod tests {
                 beats: vec![beat(0, state)],
                 resets: Vec::new(),
                 given_up: false,
+                blind: Ticks::ZERO,
                 commanded: false,
                 stored_others: false,
                 clock_error: 0.0,
@@ -325,6 +334,7 @@ mod tests {
                 phase: self.phase,
                 reference_pulses: vec![&reference],
                 given_up: self.given_up,
+                blind: self.blind,
                 commanded: self.commanded,
                 stored_others: self.stored_others,
                 blame: self.blame,
@@ -393,6 +403,11 @@ mod tests {
         assert_eq!((verdict.silent, verdict.noticed), (ms(620), true));
         assert!(restarted(900, NEUTRAL).is_unsafe(), "silent for 0.82 s");
         assert!(restarted(700, ACTIVE).is_unsafe(), "not at neutral");
+        let mut blind = restarted(700, NEUTRAL);
+        for (waited_ms, unsafe_) in [(155, false), (250, true)] {
+            blind.blind = ms(waited_ms);
+            assert_eq!(blind.is_unsafe(), unsafe_, "{waited_ms} ms without the sensor");
+        }
         // The bootloader keeps it: there may be no pulses any more, but the last are neutral.
         let mut kept = Seen::flight(|at| if at < 100 { NEUTRAL } else { 0.0 });
         kept.resets = vec![(ms(100), ResetCause::System)];
