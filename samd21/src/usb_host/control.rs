@@ -139,7 +139,7 @@ impl Host {
             Outcome::Silent => {
                 transfer.silences += 1;
                 if transfer.silences == SILENCES {
-                    return self.fail(now, HostError::NoAnswer(transfer.request.name()));
+                    return self.unanswered(now, transfer.request);
                 }
                 self.pipe(Pipe::Control).ready = now + FRAME;
             }
@@ -151,11 +151,16 @@ impl Host {
     /// Endpoint 0 answered NAK: it is tried again later, up to the deadline.
     pub(super) fn delay_control(&mut self, now: Ticks) {
         self.pipe(Pipe::Control).ready = now + RETRY;
-        if let Some(transfer) = &self.session.transfer
-            && now >= transfer.deadline
-        {
-            let error = HostError::NoAnswer(transfer.request.name());
-            self.fail(now, error);
+        if let Some(transfer) = self.session.transfer.take_if(|transfer| now >= transfer.deadline) {
+            self.unanswered(now, transfer.request);
+        }
+    }
+
+    fn unanswered(&mut self, now: Ticks, request: Request) {
+        let error = HostError::NoAnswer(request.name());
+        match request {
+            Request::Foreign => self.refused(now, request, error),
+            _ => self.fail(now, error),
         }
     }
 

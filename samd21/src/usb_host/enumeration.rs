@@ -2,6 +2,7 @@
 
 use super::control::Transfer;
 use super::descriptors::SerialPort;
+use super::remote::{Remote, UrbError};
 use super::request::{Request, Text};
 use super::transaction::{Pipe, PipeState};
 use super::{ATTEMPTS, Enumeration, Host, HostError, Phase, RESET, Session, System};
@@ -23,6 +24,9 @@ const LANGUAGE: u16 = 0x0409;
 impl Host {
     /// Begins with the first request; endpoint 0 is used from `ready` on.
     pub(super) fn begin_enumeration(&mut self, ready: Ticks) {
+        if self.remote.is_some() {
+            return self.address_for_remote(ready);
+        }
         self.session = Session::default();
         self.pipe(Pipe::Control).ready = ready;
         self.attempts += 1;
@@ -44,9 +48,12 @@ impl Host {
 
     /// Starts the next request if none is going on.
     pub(super) fn next_request(&mut self, now: Ticks) {
-        if self.session.transfer.is_none()
-            && let Some(request) = self.session.requests.pop_front()
-        {
+        if self.session.transfer.is_some() {
+            return;
+        }
+        let has_foreign = self.remote.as_ref().is_some_and(Remote::has_request);
+        let foreign = has_foreign.then_some(Request::Foreign);
+        if let Some(request) = self.session.requests.pop_front().or(foreign) {
             let (setup, data) = self.compose_request(request);
             self.session.transfer = Some(Transfer::new(now, request, setup, data));
         }
@@ -82,6 +89,9 @@ impl Host {
                 setup(0x21, 0x22, lines, interface, 0)
             }
             Request::ClearHalt(endpoint) => setup(0x02, 1, 0, u16::from(endpoint), 0),
+            Request::Foreign => {
+                return self.remote.as_ref().map(Remote::request).unwrap_or_default();
+            }
         };
         (setup, Vec::new())
     }
@@ -107,7 +117,9 @@ impl Host {
             Request::SetAddress => {
                 self.session.address = ADDRESS;
                 self.pipe(Pipe::Control).ready = now + ADDRESS_RECOVERY;
-                self.session.requests.push_back(Request::Device);
+                if self.remote.is_none() {
+                    self.session.requests.push_back(Request::Device);
+                }
             }
             Request::Device => {
                 let version = data.get(2..4).map(|bcd| [bcd[1], bcd[0]]);
@@ -150,6 +162,7 @@ impl Host {
                 let is_in = endpoint & 0x80 != 0;
                 *self.pipe(if is_in { Pipe::BulkIn } else { Pipe::BulkOut }) = state;
             }
+            Request::Foreign => self.finish_foreign(now, data),
             // Of the others the host needs no answer but that they are taken.
             _ => {}
         }
@@ -194,6 +207,14 @@ impl Host {
     /// other request starts enumeration again.
     pub(super) fn refused(&mut self, now: Ticks, request: Request, error: HostError) {
         match request {
+            Request::Foreign => {
+                let why = match error {
+                    HostError::Refused(_) => UrbError::Stalled,
+                    HostError::NoAnswer(_) => UrbError::Silent,
+                    _ => UrbError::Wrong,
+                };
+                self.remote.iter_mut().for_each(|remote| remote.end(Pipe::Control, Err(why)));
+            }
             // A device need not have these.
             Request::Bos | Request::Qualifier | Request::MicrosoftString => {}
             Request::Languages
@@ -210,6 +231,7 @@ impl Host {
     pub(super) fn fail(&mut self, now: Ticks, error: HostError) {
         self.errors.push(error);
         self.session = Session::default();
+        self.remote = None;
         if self.attempts < ATTEMPTS {
             self.begin_reset(now);
         } else {

@@ -25,12 +25,14 @@
 mod control;
 mod descriptors;
 mod enumeration;
+mod remote;
 mod request;
 mod system;
 #[cfg(test)]
 mod tests;
 mod transaction;
 
+pub use remote::{Answer, Urb, UrbError};
 pub use system::System;
 
 use crate::board::Ticks;
@@ -38,6 +40,7 @@ use crate::memory::Memory;
 use crate::peripherals::usb::Usb;
 use control::Transfer;
 use descriptors::SerialPort;
+use remote::Remote;
 use request::Request;
 use std::collections::VecDeque;
 use thiserror::Error;
@@ -130,6 +133,8 @@ pub struct Host {
     to_send: VecDeque<u8>,
     errors: Vec<HostError>,
     statistics: Statistics,
+    /// A driver elsewhere has the device.
+    remote: Option<Remote>,
 }
 
 /// The state that lasts from one bus reset to the next.
@@ -188,7 +193,7 @@ impl Host {
         self.to_send.len()
     }
 
-    /// Takes what the device has sent.
+    /// Takes what the device has sent, to a driver elsewhere too.
     pub fn read(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.received)
     }
@@ -379,5 +384,6 @@ impl Host {
         self.quiet_until = Ticks::ZERO;
         self.attempts = 0;
         self.session = Session::default();
+        self.remote = None;
     }
 }

@@ -25,6 +25,8 @@ pub(super) enum Request {
         dtr: bool,
     },
     ClearHalt(u8),
+    /// That of a driver elsewhere.
+    Foreign,
 }
 
 /// A string of the device descriptor; the value is the offset of its index there.
@@ -49,6 +51,7 @@ impl Request {
             Self::LineCoding { .. } => "SET_LINE_CODING",
             Self::ControlLines { .. } => "SET_CONTROL_LINE_STATE",
             Self::ClearHalt(_) => "CLEAR_FEATURE ENDPOINT_HALT",
+            Self::Foreign => "a request from elsewhere",
         }
     }
 }

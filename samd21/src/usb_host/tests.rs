@@ -1,3 +1,4 @@
+mod remote;
 mod systems;
 
 use super::*;

@@ -1,6 +1,7 @@
 //! Transactions (USB 2.0, 8.5): which pipe has the bus next, and what comes of it.
 
 use super::control::Transfer;
+use super::remote::{Remote, UrbError};
 use super::request::Request;
 use super::{BYTE, Host, HostError, RETRY};
 use crate::board::Ticks;
@@ -81,10 +82,12 @@ impl Host {
         match pipe {
             Pipe::Control => session.transfer.is_some(),
             Pipe::BulkOut => session.configured && !self.to_send.is_empty(),
-            Pipe::BulkIn => session.configured && self.reading,
-            Pipe::Interrupt => {
-                session.configured && session.port.is_some_and(|port| port.interrupt.is_some())
-            }
+            Pipe::BulkIn | Pipe::Interrupt if !session.configured => false,
+            Pipe::BulkIn => self.remote.as_ref().map_or(self.reading, |with| with.waits(pipe)),
+            Pipe::Interrupt => self.remote.as_ref().map_or_else(
+                || session.port.is_some_and(|port| port.interrupt.is_some()),
+                |with| with.waits(pipe),
+            ),
         }
     }
 
@@ -92,8 +95,10 @@ impl Host {
     /// only where it looks.
     pub(super) fn hears_only_naks(&self, usb: &Usb) -> bool {
         let session = &self.session;
-        let is_bulk_in_alone =
-            session.transfer.is_none() && session.requests.is_empty() && self.to_send.is_empty();
+        let is_bulk_in_alone = session.transfer.is_none()
+            && session.requests.is_empty()
+            && !self.remote.as_ref().is_some_and(Remote::has_request)
+            && self.to_send.is_empty();
         let pipes = [Pipe::Interrupt, Pipe::BulkIn];
         is_bulk_in_alone
             && pipes.into_iter().all(|pipe| {
@@ -130,7 +135,8 @@ impl Host {
         };
         let mut length = if is_setup { 8 } else { u64::from(size) };
         if pipe == Pipe::BulkOut {
-            let next = self.to_send.iter().take(usize::from(size));
+            let left = self.remote.as_ref().and_then(Remote::left).unwrap_or(usize::MAX);
+            let next = self.to_send.iter().take(left.min(size.into()));
             transaction.bytes = next.copied().collect();
             length = transaction.bytes.len() as u64;
         }
@@ -157,9 +163,12 @@ impl Host {
             Pipe::Control => self.advance_control(now, usb, memory),
             Pipe::Interrupt => {
                 if !transaction.is_nak
-                    && let Ok((_, toggle)) = usb.input(address, number, memory)
+                    && let Ok((bytes, toggle)) = usb.input(address, number, memory)
                 {
                     self.pipe(pipe).toggle = !toggle;
+                    if let Some(remote) = &mut self.remote {
+                        remote.take(pipe, &bytes, size.into());
+                    }
                 }
                 let port = self.session.port.unwrap_or_default();
                 let interval_ms = port.interrupt.unwrap_or_default().interval_ms;
@@ -176,6 +185,9 @@ impl Host {
                         self.errors.push(HostError::TooLong);
                     } else if toggle == self.pipe(pipe).toggle {
                         self.pipe(pipe).toggle = !toggle;
+                        if let Some(remote) = &mut self.remote {
+                            remote.take(pipe, &bytes, size.into());
+                        }
                         self.received.extend(bytes);
                     } else {
                         self.errors.push(HostError::WrongToggle);
@@ -190,6 +202,7 @@ impl Host {
                     Ok(()) => {
                         self.pipe(pipe).toggle = !toggle;
                         self.to_send.drain(..bytes.len());
+                        self.remote.iter_mut().for_each(|remote| remote.sent(bytes.len()));
                     }
                     Err(Refused::Nak | Refused::Silence) => self.pipe(pipe).ready = now + RETRY,
                     Err(Refused::Stall) => self.clear_halt(pipe, number),
@@ -200,6 +213,12 @@ impl Host {
 
     /// A pipe was refused with STALL: it waits for the request that ends that.
     fn clear_halt(&mut self, pipe: Pipe, endpoint: u8) {
+        if let Some(remote) = &mut self.remote {
+            if let Some(left) = remote.left().filter(|_| pipe == Pipe::BulkOut) {
+                self.to_send.drain(..left);
+            }
+            return remote.end(pipe, Err(UrbError::Stalled));
+        }
         self.pipe(pipe).ready = Ticks::NEVER;
         let requests = &mut self.session.requests;
         requests.push_back(Request::ClearHalt(endpoint));
