@@ -1,5 +1,5 @@
-//! `tvc rig`: the virtual rig in real time, for every program that opens a serial port, and a
-//! socket beside that port for what is done by hand. [`RigChoice`] says what a rig is like, here
+//! `tvc rig`: the virtual rig in real time, for every program that opens a serial port or for
+//! another kernel by USB/IP, and a socket beside the port for what is done by hand. [`RigChoice`] says what a rig is like, here
 //! and for every command with `--rig`.
 
 pub mod tell;
@@ -43,6 +43,8 @@ Examples:
   mavproxy.py --master ./nano                    any MAVLink client does
   tvc rig --pty --link ./nano --blank --sensor-errors worst   something to calibrate, with
   tvc calibrate --port ./nano                  in a second terminal
+  tvc rig --usbip                          the USB device itself, for the kernel of a virtual
+  usbip attach -r 10.0.2.2 -b 1-1              machine, where it becomes /dev/ttyACM0
 
 The hand at the rig does with sensor and drone what `tvc calibrate` asks for. The clamp opens when the firmware goes to active and closes when it is disarmed. With --link, `tvc rig tell` and the page of `tvc web` can act on the rig while it runs, through the socket LINK.control.
 Exit status: 0 ended, 1 something failed, 2 unusable input.")]
@@ -52,8 +54,14 @@ pub struct Rig {
     pub command: Option<RigCommand>,
 
     /// Put the rig's USB port behind a pseudo-terminal, in real time.
-    #[arg(long, required = true)]
+    #[arg(long, required_unless_present = "usbip")]
     pub pty: bool,
+
+    /// Serve the rig's USB device by USB/IP at this port of this computer [default: 3240]. A kernel
+    /// that attaches it enumerates the firmware's own USB device.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "3240")]
+    #[arg(conflicts_with_all = ["pty", "link"])]
+    pub usbip: Option<u16>,
 
     /// What the rig is like.
     #[command(flatten)]
@@ -287,17 +295,31 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
 
     use anyhow::Context;
     use rig::pty::Pty;
-    use rig::real_time::RealTime;
+    use rig::real_time::{Cable, RealTime};
+    use rig::usbip::{BUS_ID, Server};
 
     let choice = &options.choice;
     let stop = crate::signals::on_signal()?;
     let mut link = options.link.as_deref().map(Link::claim).transpose()?;
     let attended = choice.attended()?;
-    let pty = Pty::open().context("making a pseudo-terminal")?;
-    if let Some(link) = &mut link {
-        link.point_to(pty.path())?;
-    }
-    print(format_args!("{}\n", pty.path().display()))?;
+    let cable = if let Some(port) = options.usbip {
+        let refused = |error| BadInput::new(format!("cannot listen at port {port}: {error}"));
+        let server = Server::open(port).map_err(refused)?;
+        let address = server.address()?;
+        print(format_args!("{address}\n"))?;
+        eprintln!(
+            "attach it as root: usbip --tcp-port {} attach -r HOST -b {BUS_ID}",
+            address.port()
+        );
+        Cable::Network(server)
+    } else {
+        let pty = Pty::open().context("making a pseudo-terminal")?;
+        if let Some(link) = &mut link {
+            link.point_to(pty.path())?;
+        }
+        print(format_args!("{}\n", pty.path().display()))?;
+        Cable::Terminal(pty)
+    };
     eprintln!(
         "the rig runs in real time: servo {}, seed {}, tilt {} rad; Ctrl-C ends it",
         choice.servo.name(),
@@ -306,7 +328,7 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
     );
     let control = link.as_mut().and_then(|link| link.control.take());
     let speed = choice.speed.unwrap_or(1.0);
-    let mut running = RealTime::new(attended, pty, control, speed);
+    let mut running = RealTime::new(attended, cable, control, speed);
     let longest = options.seconds.map(Duration::from_secs_f64);
     let mut report = |at_s: f64, line: &str| eprintln!("{at_s:9.3} s  {line}");
     let mut plugged = |path: &Path| {

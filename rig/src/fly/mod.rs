@@ -1,5 +1,5 @@
 //! What is done with a rig: flights, profiles, campaigns of faults, replays of recordings, and
-//! running in real time behind a pseudo-terminal.
+//! running in real time behind a pseudo-terminal or USB/IP.
 
 pub mod action;
 pub mod attended;
@@ -16,3 +16,4 @@ pub mod real_time;
 pub mod replay;
 pub mod rocket;
 mod servo_kind;
+pub mod usbip;

@@ -1,4 +1,5 @@
-//! The rig in real time, its USB port behind a pseudo-terminal.
+//! The rig in real time, its USB port behind a pseudo-terminal or served to another kernel
+//! ([`usbip`](super::usbip)).
 //!
 //! The emulated laptop takes from the image only what the program at the pseudo-terminal reads: a
 //! program that stops reading stops the laptop, and the image's packets wait, as on a real cable. A
@@ -13,6 +14,7 @@ use std::time::{Duration, Instant};
 use crate::fly::attended::Attended;
 use crate::fly::control::Control;
 use crate::fly::pty::Pty;
+use crate::fly::usbip::Server;
 use crate::observe::measure::LoopTiming;
 use crate::rig::{Rig, RigError};
 use samd21::board::Ticks;
@@ -51,11 +53,20 @@ pub struct Summary {
     pub steps: usize,
 }
 
-/// A rig, its pilot and the pseudo-terminal at its port.
+/// What is at the other end of the USB cable.
+pub enum Cable {
+    /// A pseudo-terminal, for programs that open a serial port.
+    Terminal(Pty),
+    /// A server of USB/IP, for a kernel with drivers of its own.
+    Network(Server),
+}
+
+/// A rig, its pilot and what is at its port.
 pub struct RealTime {
     attended: Attended,
     /// None while the cable is out.
     pty: Option<Pty>,
+    network: Option<Server>,
     control: Option<Control>,
     /// A program has the pseudo-terminal open.
     open: bool,
@@ -73,12 +84,17 @@ pub struct RealTime {
 impl RealTime {
     /// A rig whose port no program has opened yet, and whose clock runs `speed` times as fast as
     /// real time. With `control`, other programs act on it.
-    pub fn new(mut attended: Attended, pty: Pty, control: Option<Control>, speed: f64) -> Self {
+    pub fn new(mut attended: Attended, cable: Cable, control: Option<Control>, speed: f64) -> Self {
+        let (pty, network) = match cable {
+            Cable::Terminal(pty) => (Some(pty), None),
+            Cable::Network(server) => (None, Some(server)),
+        };
         attended.rig.chip.usb_host.set_dtr(false);
         Self {
             window_start: attended.rig.now(),
             attended,
-            pty: Some(pty),
+            pty,
+            network,
             control,
             open: false,
             baud: None,
@@ -131,6 +147,9 @@ impl RealTime {
 
     fn slice(&mut self, report: &mut dyn FnMut(f64, &str)) -> Result<(), RealTimeError> {
         self.watch_port();
+        if let Some(network) = &mut self.network {
+            network.poll(&mut self.attended.rig.chip.usb_host);
+        }
         let pty = self.pty.as_ref().filter(|_| self.open);
         let typed = pty.map_or(Ok(Vec::new()), Pty::read)?;
         let sent = self.attended.run_for(SLICE, &typed, report)?;
@@ -153,7 +172,9 @@ impl RealTime {
     ) -> Result<(), RealTimeError> {
         match (self.attended.rig.chip.usb_host.is_attached(), &self.pty) {
             (false, Some(_)) => self.pty = None,
-            (true, None) => plugged(self.pty.insert(Pty::open()?).path())?,
+            (true, None) if self.network.is_none() => {
+                plugged(self.pty.insert(Pty::open()?).path())?
+            }
             _ => {}
         }
         Ok(())
