@@ -3,7 +3,10 @@
 use crate::ready;
 use client::{StateKind, Wire, request};
 use rig::measure::LoopTiming;
+use rig::usbip::Server;
 use rig::{Ready, Ticks};
+use std::io::{ErrorKind, Read, Write};
+use std::net::{Shutdown, TcpStream};
 
 /// How long each host misbehaves.
 const LENGTH: Ticks = Ticks::from_ms(1500);
@@ -152,5 +155,117 @@ fn one_that_comes_back_is_served_at_once_whenever_it_went() {
         station.run(rig, ms(400)).unwrap();
         let attitudes = station.received().attitudes.len();
         assert!(attitudes > 10, "{attitudes} when unplugged at {instant}");
+    }
+}
+
+/// A client of USB/IP, as a kernel has it, at a rig that goes on meanwhile.
+struct Importer {
+    rig: rig::Rig,
+    server: Server,
+    stream: TcpStream,
+}
+
+impl Importer {
+    fn new(rig: rig::Rig) -> Self {
+        let server = Server::open(0).unwrap();
+        let stream = TcpStream::connect(server.address().unwrap()).unwrap();
+        stream.set_nonblocking(true).unwrap();
+        Self { rig, server, stream }
+    }
+
+    /// Sends bytes, and waits for the answer of this length.
+    fn exchange(&mut self, sent: &[u8], length: usize) -> Vec<u8> {
+        self.stream.write_all(sent).unwrap();
+        let mut answer = vec![0; length];
+        let mut at = 0;
+        for _ in 0..1000 {
+            self.server.poll(&mut self.rig.chip.usb_host);
+            self.rig.run_for(ms(1)).unwrap();
+            match self.stream.read(&mut answer[at..]) {
+                Ok(0) if at < length => panic!("the server has gone after {at} bytes"),
+                Ok(count) => at += count,
+                Err(error) => assert_eq!(error.kind(), ErrorKind::WouldBlock),
+            }
+            if at == length {
+                return answer;
+            }
+        }
+        panic!("{at} bytes of {length}");
+    }
+
+    fn operation(&mut self, code: u8, bus_id: &[u8], length: usize) -> Vec<u8> {
+        let mut sent = vec![1, 0x11, 0x80, code, 0, 0, 0, 0];
+        sent.extend(bus_id);
+        if !bus_id.is_empty() {
+            sent.resize(40, 0);
+        }
+        self.exchange(&sent, length)
+    }
+
+    /// A transfer that succeeds, and what came from the device.
+    fn transfer(&mut self, number: u32, endpoint: u32, setup: [u8; 8], length: usize) -> Vec<u8> {
+        let is_in = u32::from(endpoint > 0 || setup[0] & 0x80 != 0);
+        let words = [1, number, 0, is_in, endpoint, 0, length as u32, 0, 0, 0];
+        let mut sent: Vec<u8> = words.into_iter().flat_map(u32::to_be_bytes).collect();
+        sent.extend(setup);
+        let head = self.exchange(&sent, 48);
+        let word = |at: usize| u32::from_be_bytes(*head[at..].first_chunk().unwrap());
+        assert_eq!((word(0), word(4), word(20)), (3, number, 0));
+        self.exchange(&[], word(24) as usize)
+    }
+}
+
+/// The device is listed and given to one client, whose requests and transfers reach the firmware.
+/// Afterwards the laptop of the rig has it again.
+#[test]
+fn a_kernel_elsewhere_talks_with_the_firmware_over_usb_ip() {
+    let mut importer = Importer::new(ready().rig);
+    let list = importer.operation(5, &[], 12 + 312 + 8);
+    assert_eq!(list[..12], [1, 0x11, 0, 5, 0, 0, 0, 0, 0, 0, 0, 1]);
+    assert_eq!(list[12 + 300..12 + 304], [0x23, 0x41, 0x80, 0x57]);
+    assert_eq!(importer.operation(3, b"9-9", 8)[4..], [0, 0, 0, 1], "no such device");
+    let import = importer.operation(3, b"1-1", 8 + 312);
+    assert_eq!(import[4..8], [0; 4]);
+    assert_eq!(import[8..], list[12..12 + 312]);
+
+    let descriptor = importer.transfer(1, 0, [0x80, 6, 0, 1, 0, 0, 18, 0], 18);
+    assert_eq!(descriptor[..2], [18, 1]);
+    assert_eq!(descriptor[8..12], [0x41, 0x23, 0x57, 0x80]);
+    // Configuration 1; DTR and RTS.
+    importer.transfer(2, 0, [0, 9, 1, 0, 0, 0, 0, 0], 0);
+    importer.transfer(3, 0, [0x21, 0x22, 3, 0, 0, 0, 0, 0], 0);
+    let stream: Vec<u8> =
+        (4..40).flat_map(|number| importer.transfer(number, 2, [0; 8], 64)).collect();
+    let mut wire = Wire::default();
+    let heard = wire.receive(&stream);
+    assert!(heard.len() > 10, "{} messages in {} bytes", heard.len(), stream.len());
+    // A transfer that waits is taken back.
+    let waits = [1, 50, 0, 1, 1, 0, 8, 0, 0, 0, 0, 0];
+    let unlink = [2, 51, 0, 0, 0, 50, 0, 0, 0, 0, 0, 0];
+    let sent: Vec<u8> = [waits, unlink].concat().into_iter().flat_map(u32::to_be_bytes).collect();
+    let answer = importer.exchange(&sent, 48);
+    assert_eq!(answer[..8], [0, 0, 0, 4, 0, 0, 0, 51]);
+    assert_eq!(answer[20..24], (-104_i32).to_be_bytes());
+
+    importer.stream.shutdown(Shutdown::Both).unwrap();
+    importer.server.poll(&mut importer.rig.chip.usb_host);
+    importer.rig.run_for(ms(500)).unwrap();
+    assert!(!importer.rig.chip.usb_host.is_handed_over());
+    assert!(importer.rig.chip.usb_host.is_configured());
+}
+
+/// What is no USB/IP, or a transfer that no driver would submit, ends the connection.
+#[test]
+fn a_client_that_does_not_speak_usb_ip_is_left() {
+    let ready = ready().rig;
+    let too_long = [1, 1, 0, 0, 2, 0, u32::MAX, 0, 0, 0, 0, 0];
+    let no_endpoint = [1, 1, 0, 0, 16, 0, 0, 0, 0, 0, 0, 0];
+    for words in [too_long, no_endpoint, [9; 12]] {
+        let mut importer = Importer::new(ready.clone());
+        importer.operation(3, b"1-1", 8 + 312);
+        let sent: Vec<u8> = words.into_iter().flat_map(u32::to_be_bytes).collect();
+        importer.stream.write_all(&sent).unwrap();
+        importer.server.poll(&mut importer.rig.chip.usb_host);
+        assert!(!importer.rig.chip.usb_host.is_handed_over(), "{words:?}");
     }
 }

@@ -1,6 +1,6 @@
 //! `tvc rig`: the virtual rig in real time, for every program that opens a serial port or for
-//! another kernel by USB/IP, and a socket beside the port for what is done by hand. [`RigChoice`] says what a rig is like, here
-//! and for every command with `--rig`.
+//! another kernel by USB/IP, and a socket beside the port for what is done by hand. [`RigChoice`]
+//! says what a rig is like, here and for every command with `--rig`.
 
 pub mod tell;
 

@@ -26,9 +26,9 @@
 //!
 //! On the bus: address 0x28 or 0x29; no acknowledge for 400-650 ms after power-on and reset;
 //! every byte, the address included, is stretched by about 180 us; the register pointer increments
-//! by itself and is kept over a STOP. A master that lets go of the bus in the middle of a byte finds
-//! SDA held until it has clocked the chip through that byte (I2C specification UM10204, 3.1.16),
-//! and then the clock held once more.
+//! by itself and is kept over a STOP. A master that lets go of the bus in the middle of a byte
+//! finds SDA held until it has clocked the chip through that byte (I2C specification UM10204,
+//! 3.1.16), and then the clock held once more.
 //!
 //! The gyroscope's bias and the accelerometer's offset drift with the chip's temperature, if
 //! [`ImuErrors`] says so.
