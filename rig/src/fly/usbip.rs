@@ -268,7 +268,7 @@ mod tests {
         for cut in 0..configuration.len() {
             assert!(interfaces(&configuration[..cut]).len() <= 8);
         }
-        assert_eq!(interfaces(&[0, 4, 0, 0, 0, 1, 1, 1]), []);
+        assert!(interfaces(&[0, 4, 0, 0, 0, 1, 1, 1]).is_empty());
     }
 
     /// The header of a transfer that was answered: command, number, and behind the place of device,
