@@ -1,6 +1,7 @@
 //! What a slave on the I2C bus has not sent yet when its master lets go of the lines in the middle
-//! of a byte. It holds SDA as its next bit says until it is clocked through the byte, which nobody
-//! acknowledges, or sees a START or STOP.
+//! of a byte (I2C specification UM10204, 3.1.16). It holds SDA as its next bit says until it is
+//! clocked through the byte, which nobody acknowledges, or sees a START or STOP. Behind such a byte
+//! it stretches the clock once more.
 
 use samd21::board::{I2cCut, I2cEvent, I2cReply, Lines, Ticks};
 

@@ -192,7 +192,7 @@ fn a_reset_in_mid_transfer_delays_the_sensor_by_25_ms_at_most() {
         rig.run_for(Ticks::from_us(instant * 83)).unwrap();
         rig.press_reset();
         rig.run_for(Ticks::from_us(1)).unwrap();
-        held += usize::from(rig.environment.sensor.held_low(rig.now()).sda);
+        held += usize::from(rig.environment.held_low(rig.now()).sda);
         while rig.in_bootloader() {
             rig.run_for(ms(1)).unwrap();
         }

@@ -28,6 +28,7 @@ use crate::lsm6ds3::Lsm6ds3;
 use crate::observe::ground_truth::{GroundTruth, Motion};
 use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
 use crate::observe::waves::Waves;
+use crate::unsent::Unsent;
 use nalgebra::{UnitQuaternion, Vector3};
 use plant::{Checked, Crank, Servo};
 use samd21::board::{Board, I2cCut, I2cEvent, I2cPins, I2cReply, Lines, Pin, Ticks};
@@ -45,6 +46,8 @@ const STEP: Ticks = Ticks::from_us(500);
 const MOTION_EVERY: u64 = 2;
 /// How long it takes to put the sensor back on the drone by hand, s.
 const BACK_S: f64 = 1.5;
+/// A bus on which nothing has happened.
+const SILENT: (I2cEvent, I2cReply) = (I2cEvent::Stop, I2cReply::NAK);
 
 /// The chip's environment. Whatever the chip does at its pins first advances it to that time.
 #[derive(Clone, Debug)]
@@ -60,6 +63,10 @@ pub struct Environment {
     pub onboard: Lsm6ds3,
     /// Its transfer is on the bus.
     talks_to_onboard: bool,
+    /// The last event on the bus, and its answer.
+    answered: (I2cEvent, I2cReply),
+    /// What the slave has not sent of it, where the chip has let go of the bus.
+    unsent: Unsent,
     /// Rates about the body's axes, rad/s, and their mean change in the last step, rad/s^2.
     turning: (Vector3<f64>, Vector3<f64>),
     /// Rate about its own vertical with which it is released, rad/s.
@@ -104,6 +111,8 @@ impl Environment {
             onboard: Lsm6ds3::new(sensor.seed, bench.onboard),
             sensor: Bno055::new(sensor),
             talks_to_onboard: false,
+            answered: SILENT,
+            unsent: Unsent::default(),
             turning: (Vector3::zeros(), Vector3::zeros()),
             spin_rad_s: match &bench.vehicle {
                 VehicleConfig::TwoAxes(two) => two.spin_rad_s,
@@ -200,6 +209,8 @@ impl Environment {
         self.end_faults(Since::PowerOn);
         self.powered = STEP * self.steps;
         self.onboard.power_on(self.powered);
+        self.answered = SILENT;
+        self.unsent = Unsent::default();
     }
 
     fn end_faults(&mut self, since: Since) {
@@ -377,6 +388,12 @@ impl Environment {
     }
 
     /// Sets the servo's supply and the thrust to what they are now.
+    /// The lines of the bus that others than the chip hold low.
+    pub fn held_low(&self, now: Ticks) -> Lines {
+        let (sensor, unsent) = (self.sensor.held_low(now), self.unsent.held_low(now));
+        Lines { sda: sensor.sda || unsent.sda, scl: sensor.scl || unsent.scl }
+    }
+
     fn disturb(&mut self, now: Ticks) {
         let since_s = self.clamp.open_for(now).map(|since| since.as_secs_f64());
         if let Some(sag) = self.bench.disturbances.servo_supply {
@@ -426,17 +443,26 @@ impl Board for Environment {
         if let Some(waves) = &mut self.truth.waves {
             waves.i2c(now, event, reply);
         }
+        self.answered = (event, reply);
+        if matches!(event, I2cEvent::Start { .. } | I2cEvent::Stop) {
+            self.unsent = Unsent::default();
+        }
         reply
     }
 
     fn i2c_held_low(&self, now: Ticks) -> Lines {
-        let (sensor, onboard) = (self.sensor.held_low(now), self.onboard.held_low(now));
-        Lines { sda: sensor.sda || onboard.sda, scl: sensor.scl || onboard.scl }
+        self.held_low(now)
     }
 
     fn i2c_cut(&mut self, now: Ticks, cut: I2cCut) {
-        self.sensor.cut(now, cut);
-        self.onboard.cut(now, cut);
+        let Self { sensor, onboard, answered, .. } = self;
+        self.unsent = Unsent::new(now, *answered, cut, || {
+            if onboard.is_selected() {
+                onboard.i2c(now, I2cEvent::Read).data
+            } else {
+                sensor.i2c(now, I2cEvent::Read).data
+            }
+        });
     }
 
     fn i2c_glitch(&mut self, now: Ticks) -> bool {
@@ -465,13 +491,12 @@ impl Board for Environment {
             }
             pin if pin == wiring.probe => self.analyzer.probe(now, level, &mut self.truth),
             pin if pin == wiring.i2c.scl => {
-                self.sensor.clock(now, level);
-                self.onboard.clock(now, level);
+                self.unsent.clock(now, level);
+                if level {
+                    self.sensor.clocked();
+                }
             }
-            pin if pin == wiring.i2c.sda && level => {
-                self.sensor.data_released(now);
-                self.onboard.data_released(now);
-            }
+            pin if pin == wiring.i2c.sda && level => self.unsent.data_released(now),
             _ => {}
         }
     }

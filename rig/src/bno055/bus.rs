@@ -2,9 +2,8 @@
 
 use super::registers::page0;
 use super::{Bno055, Fault, FaultKind, Power, Transfer};
-use crate::unsent::Unsent;
 use rand::Rng;
-use samd21::board::{I2cCut, I2cEvent, I2cReply, Lines, Ticks};
+use samd21::board::{I2cEvent, I2cReply, Lines, Ticks};
 use std::ops::RangeInclusive;
 
 /// How long another master holds the data line low: a byte at 50 kHz.
@@ -87,19 +86,7 @@ impl Bno055 {
                 return I2cReply::NAK.stretched(self.hold_before_stop(ended));
             }
         };
-        if !self.transfer.selected {
-            return reply;
-        }
-        let reply = reply.stretched(self.stretch());
-        self.transfer.answered = Some((event, reply));
-        reply
-    }
-
-    /// The master lets go of the bus in the middle of a transfer.
-    pub fn cut(&mut self, now: Ticks, cut: I2cCut) {
-        let stopped = (I2cEvent::Stop, I2cReply::NAK);
-        let answered = self.transfer.answered.take().unwrap_or(stopped);
-        self.transfer.unsent = Unsent::new(now, answered, cut, || self.read_next(now));
+        if self.transfer.selected { reply.stretched(self.stretch()) } else { reply }
     }
 
     /// True if a START or STOP lies inside the byte that begins at `now`. Another master may take
@@ -126,19 +113,14 @@ impl Bno055 {
     pub fn held_low(&self, now: Ticks) -> Lines {
         let stuck = self.faults.has(FaultKind::SdaStuck) || self.faults.has(FaultKind::SdaHeld);
         let inside_a_byte = self.faults.has(FaultKind::ClockHang) && self.power != Power::Hung;
-        let unsent = self.transfer.unsent.held_low(now);
         Lines {
-            sda: stuck || inside_a_byte || now < self.foreign_until || unsent.sda,
-            scl: self.faults.has(FaultKind::SclStuck) || unsent.scl,
+            sda: stuck || inside_a_byte || now < self.foreign_until,
+            scl: self.faults.has(FaultKind::SclStuck),
         }
     }
 
-    /// An edge of SCL outside of a transfer: the master clocks a held data line free.
-    pub fn clock(&mut self, now: Ticks, level: bool) {
-        self.transfer.unsent.clock(now, level);
-        if !level {
-            return;
-        }
+    /// A rising edge of SCL outside of a transfer: the master clocks a held data line free.
+    pub fn clocked(&mut self) {
         if self.faults.has(FaultKind::ClockHang) {
             self.power = Power::Hung;
         }
@@ -152,11 +134,6 @@ impl Bno055 {
         if done {
             self.faults.clear(FaultKind::SdaHeld);
         }
-    }
-
-    /// The master lets go of SDA outside of a transfer.
-    pub fn data_released(&mut self, now: Ticks) {
-        self.transfer.unsent.data_released(now);
     }
 
     /// True if a bad contact loses the acknowledge of this address or byte written.

@@ -26,9 +26,7 @@
 //!
 //! On the bus: address 0x28 or 0x29; no acknowledge for 400-650 ms after power-on and reset;
 //! every byte, the address included, is stretched by about 180 us; the register pointer increments
-//! by itself and is kept over a STOP. A master that lets go of the bus in the middle of a byte
-//! finds SDA held until it has clocked the chip through that byte (I2C specification UM10204,
-//! 3.1.16), and then the clock held once more.
+//! by itself and is kept over a STOP.
 //!
 //! The gyroscope's bias and the accelerometer's offset drift with the chip's temperature, if
 //! [`ImuErrors`] says so.
@@ -73,7 +71,6 @@ pub use registers::Mode;
 
 use crate::inertial::{ImuErrors, Playback, Refresh, SignalChain, Stimulus};
 use crate::random::{Stream, generator};
-use crate::unsent::Unsent;
 use access::LateWrite;
 use calibration::Calibration;
 use fault::Faults;
@@ -82,7 +79,7 @@ use rand_chacha::ChaCha8Rng;
 use recordings::Recording;
 use refresh::{Output, RefreshClock};
 use registers::{AXIS_MAP_RESET, UNIT_SEL_RESET, error, page0, reset_pages};
-use samd21::board::{I2cEvent, I2cReply, Ticks};
+use samd21::board::Ticks;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -111,10 +108,6 @@ struct Transfer {
     shadow: Option<(u8, u8)>,
     /// Whether it came too soon after the write before; known from the first byte to a register on.
     lost: Option<bool>,
-    /// The last event, and how the chip answered it.
-    answered: Option<(I2cEvent, I2cReply)>,
-    /// What is left of it where the master has let go of the bus.
-    unsent: Unsent,
 }
 
 /// An emulated BNO055.

@@ -34,9 +34,8 @@ use crate::inertial::{
     ImuErrors, Refresh, STANDARD_GRAVITY_M_S2, Sample, Settings, SignalChain, Stimulus,
 };
 use crate::random::{Stream, generator};
-use crate::unsent::Unsent;
 use rand::Rng;
-use samd21::board::{I2cCut, I2cEvent, I2cReply, Lines, Ticks};
+use samd21::board::{I2cEvent, I2cReply, Ticks};
 
 /// The chip's 7-bit address.
 pub const ADDRESS: u8 = 0x6A;
@@ -102,10 +101,6 @@ impl ImuErrors {
 struct Transfer {
     selected: bool,
     expects_pointer: bool,
-    /// The last event, and how the chip answered it.
-    answered: Option<(I2cEvent, I2cReply)>,
-    /// What is left of it where the master has let go of the bus.
-    unsent: Unsent,
 }
 
 /// An emulated LSM6DS3.
@@ -200,11 +195,10 @@ impl Lsm6ds3 {
     pub fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
         self.run(now);
         let answers = now >= self.boots && !self.faults.contains(&Fault::Silent);
-        let reply = match event {
+        match event {
             I2cEvent::Start { address, read } => {
                 let selected = address == ADDRESS && answers;
-                self.transfer =
-                    Transfer { selected, expects_pointer: !read, ..Transfer::default() };
+                self.transfer = Transfer { selected, expects_pointer: !read };
                 if selected { I2cReply::ACK } else { I2cReply::NAK }
             }
             I2cEvent::Write(value) if self.transfer.selected && answers => {
@@ -226,32 +220,7 @@ impl Lsm6ds3 {
                 self.transfer = Transfer::default();
                 I2cReply::NAK
             }
-        };
-        self.transfer.answered = self.transfer.selected.then_some((event, reply));
-        reply
-    }
-
-    /// The master lets go of the bus in the middle of a transfer.
-    pub fn cut(&mut self, now: Ticks, cut: I2cCut) {
-        if let Some(answered) = self.transfer.answered.take() {
-            self.transfer.unsent =
-                Unsent::new(now, answered, cut, || self.read(usize::from(self.pointer)));
         }
-    }
-
-    /// The lines that the chip holds low.
-    pub fn held_low(&self, now: Ticks) -> Lines {
-        self.transfer.unsent.held_low(now)
-    }
-
-    /// An edge of SCL outside of a transfer.
-    pub fn clock(&mut self, now: Ticks, level: bool) {
-        self.transfer.unsent.clock(now, level);
-    }
-
-    /// The master lets go of SDA outside of a transfer.
-    pub fn data_released(&mut self, now: Ticks) {
-        self.transfer.unsent.data_released(now);
     }
 
     fn advance_pointer(&mut self) {

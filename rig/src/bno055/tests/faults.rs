@@ -57,7 +57,7 @@ fn faults_of_the_bus() {
     bus.chip.inject(bus.now, Fault::SdaHeld { clocks: 3 });
     for _ in 0..3 {
         assert!(bus.chip.held_low(bus.now).sda);
-        bus.chip.clock(bus.now, true);
+        bus.chip.clocked();
     }
     assert!(!bus.chip.held_low(bus.now).sda);
 
@@ -179,7 +179,7 @@ fn clocks_by_hand_free_the_line_and_hang_the_chip() {
     let mut bus = Bus::running(Mode::Amg);
     bus.chip.inject(bus.now, Fault::ClockHang);
     assert!(bus.chip.held_low(bus.now).sda);
-    bus.chip.clock(bus.now, true);
+    bus.chip.clocked();
     assert!(!bus.chip.held_low(bus.now).sda);
     assert!(!bus.write(page0::CHIP_ID, &[]));
     bus.chip.clear(bus.now, Fault::ClockHang);
