@@ -4,7 +4,8 @@
 TVC is a release build of `tvc`; KERNEL.deb is Debian's package of a kernel: `apt-get download linux-image-amd64` says
 which one it depends on, and downloads that. QEMU starts the kernel, which attaches the rig by USB/IP (`tvc rig
 --usbip`) and loads `cdc_acm`. In the machine run `lsusb -v`, 60 s of telemetry and 100 writes of parameters; a
-parameter is read behind an unbound driver, a reset of the device and a suspended port. Exit status 1 if one of them fails.
+parameter is read behind an unbound driver, a reset of the device and a suspended port. USB/IP passes neither reset nor
+suspend on to the device. Exit status 1 if a step fails.
 
 Needs Debian's packages qemu-system-x86, usbip, usbutils, busybox-static and kmod. Takes four minutes.
 """

@@ -387,13 +387,13 @@ impl Environment {
         felt
     }
 
-    /// Sets the servo's supply and the thrust to what they are now.
     /// The lines of the bus that others than the chip hold low.
     pub fn held_low(&self, now: Ticks) -> Lines {
         let (sensor, unsent) = (self.sensor.held_low(now), self.unsent.held_low(now));
         Lines { sda: sensor.sda || unsent.sda, scl: sensor.scl || unsent.scl }
     }
 
+    /// Sets the servo's supply and the thrust to what they are now.
     fn disturb(&mut self, now: Ticks) {
         let since_s = self.clamp.open_for(now).map(|since| since.as_secs_f64());
         if let Some(sag) = self.bench.disturbances.servo_supply {

@@ -159,7 +159,7 @@ impl Host {
     fn unanswered(&mut self, now: Ticks, request: Request) {
         let error = HostError::NoAnswer(request.name());
         match request {
-            Request::Foreign => self.refused(now, request, error),
+            Request::Remote => self.refused(now, request, error),
             _ => self.fail(now, error),
         }
     }

@@ -51,9 +51,9 @@ impl Host {
         if self.session.transfer.is_some() {
             return;
         }
-        let has_foreign = self.remote.as_ref().is_some_and(Remote::has_request);
-        let foreign = has_foreign.then_some(Request::Foreign);
-        if let Some(request) = self.session.requests.pop_front().or(foreign) {
+        let has_remote = self.remote.as_ref().is_some_and(Remote::has_request);
+        let remote_request = has_remote.then_some(Request::Remote);
+        if let Some(request) = self.session.requests.pop_front().or(remote_request) {
             let (setup, data) = self.compose_request(request);
             self.session.transfer = Some(Transfer::new(now, request, setup, data));
         }
@@ -89,7 +89,7 @@ impl Host {
                 setup(0x21, 0x22, lines, interface, 0)
             }
             Request::ClearHalt(endpoint) => setup(0x02, 1, 0, u16::from(endpoint), 0),
-            Request::Foreign => {
+            Request::Remote => {
                 return self.remote.as_ref().map(Remote::request).unwrap_or_default();
             }
         };
@@ -162,7 +162,7 @@ impl Host {
                 let is_in = endpoint & 0x80 != 0;
                 *self.pipe(if is_in { Pipe::BulkIn } else { Pipe::BulkOut }) = state;
             }
-            Request::Foreign => self.finish_foreign(now, data),
+            Request::Remote => self.finish_remote(now, data),
             // Of the others the host needs no answer but that they are taken.
             _ => {}
         }
@@ -207,7 +207,7 @@ impl Host {
     /// other request starts enumeration again.
     pub(super) fn refused(&mut self, now: Ticks, request: Request, error: HostError) {
         match request {
-            Request::Foreign => {
+            Request::Remote => {
                 let why = match error {
                     HostError::Refused(_) => UrbError::Stalled,
                     HostError::NoAnswer(_) => UrbError::Silent,

@@ -267,7 +267,7 @@ impl Host {
 
     /// The driver's request has succeeded. Configurations, interfaces and halts that end begin
     /// their endpoints with DATA0 (USB 2.0, 9.1.1.5, 9.4.5).
-    pub(super) fn finish_foreign(&mut self, now: Ticks, data: Vec<u8>) {
+    pub(super) fn finish_remote(&mut self, now: Ticks, data: Vec<u8>) {
         let Some(remote) = &mut self.remote else { return };
         let ([kind, request, value, _, endpoint, ..], _) = remote.request();
         remote.end(Pipe::Control, Ok(data));

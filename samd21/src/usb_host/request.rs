@@ -26,7 +26,7 @@ pub(super) enum Request {
     },
     ClearHalt(u8),
     /// That of a driver elsewhere.
-    Foreign,
+    Remote,
 }
 
 /// A string of the device descriptor; the value is the offset of its index there.
@@ -51,7 +51,7 @@ impl Request {
             Self::LineCoding { .. } => "SET_LINE_CODING",
             Self::ControlLines { .. } => "SET_CONTROL_LINE_STATE",
             Self::ClearHalt(_) => "CLEAR_FEATURE ENDPOINT_HALT",
-            Self::Foreign => "a request from elsewhere",
+            Self::Remote => "a request from elsewhere",
         }
     }
 }
