@@ -8,6 +8,8 @@
 //! first pulse and before the watchdog runs. A chip whose oscillator does not start could make
 //! neither pulses nor USB anyway.
 
+use core::ops::RangeInclusive;
+
 use atsamd_hal::clock::{ClockGenId, ClockSource, GenericClockController, Tcc0Tcc1Clock, UsbClock};
 use atsamd_hal::pac;
 
@@ -104,9 +106,15 @@ pub(crate) fn calibrated_coarse() -> u8 {
     }
 }
 
-/// Sets the DFLL to the factory's COARSE and this FINE: the middle of FINE is up to 3 % off. In
-/// open loop, since the loop would write them.
+/// FINE that 48 MHz can ask for: the middle is up to 3 % off, which is some 130 steps.
+const FINES: RangeInclusive<u16> = 255..=767;
+
+/// Sets the DFLL to the factory's COARSE and this FINE, in open loop, since the loop would write
+/// them. Another FINE than 48 MHz can ask for is damage and changes nothing.
 pub(crate) fn set_fine(fine: u16) {
+    if !FINES.contains(&fine) {
+        return;
+    }
     let sysctrl = sysctrl();
     let ready = || soon(|| sysctrl.pclksr().read().dfllrdy().bit_is_set());
     // SAFETY: bits that exist.

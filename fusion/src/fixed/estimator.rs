@@ -454,6 +454,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
         // A running mean smooths nothing, so nothing pulls.
         if state.due == job::PULL && !state.gains.is_settled() {
             state.due = job::GROW;
+            state.uncertainty.end_pull();
         }
         let (own, uncertainty) = (&self.uncertainty, &mut state.uncertainty);
         let (schedule, gain_log2) = (&self.schedule, state.schedule.gain_log2);

@@ -340,6 +340,11 @@ impl UncertaintyState {
         }
     }
 
+    /// The accelerations pull no longer. What they pulled is remembered.
+    pub(super) fn end_pull(&mut self) {
+        self.pull = [0; 2];
+    }
+
     /// Nothing but the rates turns the attitude.
     pub(super) fn lose_tilt(&mut self) {
         self.tilt.variance = q28(FIRST);

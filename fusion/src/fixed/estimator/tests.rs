@@ -92,6 +92,30 @@ fn levelling_undoes_what_an_unknown_offset_has_turned() {
     assert!((estimator.bias_q9(&state)[0] - (48 << 9)).abs() <= 256);
 }
 
+/// A body that accelerates to one side for 4 s, and then rests. Levelled then, it is soon certain
+/// of its tilt: what pulled it before pulls no longer.
+#[test]
+fn levelling_ends_what_accelerations_pulled() {
+    let estimator =
+        Estimator::<Vqf>::new(&Config::default(), &Scale::BNO055, 10_000).expect("in range");
+    let mut state = estimator.start();
+    let go = |state: &mut State, seconds: u32, side: i16| {
+        let counts = Counts { gyr: [0; 3], acc: [side, 0, -981], mag: None };
+        for _ in 0..100 * seconds {
+            estimator.update(state, 10_000, &counts);
+        }
+    };
+    let is_certain = |state: &State| {
+        estimator.tilt_is_within(state, (2.0_f32.to_radians().powi(2) * 2.0_f32.powi(28)) as i32)
+    };
+    go(&mut state, 10, 0);
+    go(&mut state, 4, 300);
+    assert!(!is_certain(&state), "pulled");
+    estimator.level(&mut state);
+    go(&mut state, 3, 0);
+    assert!(is_certain(&state), "at rest");
+}
+
 /// Rest, turning, and a field in every third sample.
 fn lively(k: i16) -> Counts {
     let turn = if k < 600 { 0 } else { 900 - (k * 7) % 1_800 };

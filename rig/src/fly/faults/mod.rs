@@ -383,7 +383,11 @@ impl Campaign {
             phase: self.phase,
             reference_pulses: self.neutral_us.iter().map(pulses).collect(),
             given_up: rig.in_bootloader(),
-            blind: blind_since_start(rig).unwrap_or_default(),
+            // An image that is damaged need not get as far as its sensor.
+            blind: match kind {
+                SystemKind::FlashImage => Ticks::ZERO,
+                _ => blind_since_start(rig).unwrap_or_default(),
+            },
             commanded: kind.commands(),
             stored_others: !self.undisturbed.has_stored(rig, kind.spoils_store()),
             blame: match rig.halts() > begun.halts {
