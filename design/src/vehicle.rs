@@ -111,6 +111,18 @@ impl VehicleChoice {
         Ok(setup)
     }
 
+    /// The rockets that are meant.
+    ///
+    /// # Errors
+    /// As [`Self::drone`].
+    pub fn rockets(&self) -> Result<Vec<Airframe>> {
+        let vehicle = self.read_over(Setup::default())?;
+        if vehicle.kind != VehicleKind::Rocket {
+            bail!(BadInput::new("--vehicle: this command is for rockets"));
+        }
+        Ok(vehicle.airframes)
+    }
+
     fn read_over(&self, base: Setup) -> Result<Vehicle> {
         let path = match self {
             Self::File(path) => path,

@@ -281,6 +281,12 @@ impl Rig {
         self.running != Running::Image
     }
 
+    /// Whether flash holds the image as it is.
+    pub fn image_is_whole(&self) -> bool {
+        let at = self.image.address() as usize;
+        self.chip.memory.flash()[at..].starts_with(self.image.bytes())
+    }
+
     /// When the image was started behind the last reset; `None` while the bootloader runs.
     pub fn started(&self) -> Option<Ticks> {
         (!self.in_bootloader()).then_some(self.started)

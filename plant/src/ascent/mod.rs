@@ -21,16 +21,25 @@
 //! air:
 //!
 //! ```text
-//! normal force  -1/2 rho |u| S CNa (u_x, u_y)    at the static margin behind the centre of mass
+//! normal force  -1/2 rho |u| S CNa (u_x, u_y)    at the centre of pressure, fixed in the body
 //! drag          -1/2 rho |u| S CD u_z            along the axis
 //! ```
 //!
-//! so that the normal force grows with the sine of the angle of attack.
+//! so that the normal force grows with the sine of the angle of attack. While the engine burns, the
+//! jet damps the rates across the axis.
 //!
-//! Left out: the shift of the centre of mass within the rocket as a motion of its own (0.1 m/s at
-//! most), the damping of rates by jet and air, slosh and bending, friction and tip-off of the rail.
-//! Left out, too: the earth's curvature and rotation, the decrease of gravity with altitude (2.6 %
-//! at 84 km), and the ground after the rail.
+//! Left out, with sizes for Spica; those with a star are estimates:
+//!
+//! | what | size |
+//! |---|---|
+//! | thrust that grows as the ambient pressure falls | 10 % of it * |
+//! | slope of the normal force and drag over the Mach number | a factor of 2 at Mach 1 * |
+//! | the flow's Coriolis force, `2 m' x_cm w` | 0.02 m/s2 at 0.3 rad/s |
+//! | damping of rates by the air | less than the jet's * |
+//! | the engine's inertia on the gimbal: it turns the rocket before the thrust does | above 7 Hz * |
+//! | the shift of the centre of mass within the rocket as a motion of its own | 0.1 m/s |
+//! | the earth's curvature and rotation, gravity that falls with altitude | 2.6 % at 84 km |
+//! | friction and tip-off of the rail, the ground after it | |
 
 mod parameters;
 mod wind;
@@ -292,15 +301,16 @@ impl Ascent {
             let thrust = p.rocket.burn_at(drive.time_s).0 * direction(pitch, roll);
             force += thrust;
             moment += Vector3::new(0.0, 0.0, mass.cm_m).cross(&thrust);
+            let damping = mass.inertia_kg_m2 * p.rocket.jet_damping_per_s(drive.time_s);
+            moment -= damping * Vector3::new(state.rates.x, state.rates.y, 0.0);
         }
         let altitude_m = -state.position.z;
         let against_air = state.velocity - self.air.velocity(altitude_m);
         let u = attitude.inverse() * against_air;
         let pressed = 0.5 * p.rocket.density_kg_m3(altitude_m) * u.norm() * p.rocket.area_m2();
         let normal = -pressed * p.rocket.normal_force_slope * Vector3::new(u.x, u.y, 0.0);
-        let behind = p.rocket.static_margin * p.rocket.diameter_m;
         force += normal - Vector3::new(0.0, 0.0, pressed * p.rocket.drag * u.z);
-        moment += Vector3::new(0.0, 0.0, behind).cross(&normal);
+        moment += Vector3::new(0.0, 0.0, p.rocket.behind_m(&mass)).cross(&normal);
         Load { mass, force, moment }
     }
 

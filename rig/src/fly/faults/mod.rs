@@ -383,11 +383,7 @@ impl Campaign {
             phase: self.phase,
             reference_pulses: self.neutral_us.iter().map(pulses).collect(),
             given_up: rig.in_bootloader(),
-            // An image that is damaged need not get as far as its sensor.
-            blind: match kind {
-                SystemKind::FlashImage => Ticks::ZERO,
-                _ => blind_since_start(rig).unwrap_or_default(),
-            },
+            blind: blind_since_start(rig).unwrap_or_default(),
             commanded: kind.commands(),
             stored_others: !self.undisturbed.has_stored(rig, kind.spoils_store()),
             blame: match rig.halts() > begun.halts {
@@ -446,9 +442,10 @@ impl Campaign {
     }
 }
 
-/// How long the image has run, since its last start, without a burst.
+/// How long the image has run, since its last start, without a burst. One that is damaged in flash
+/// need not get as far as its sensor.
 fn blind_since_start(rig: &Rig) -> Option<Ticks> {
-    let started = rig.started()?;
+    let started = rig.started().filter(|_| rig.image_is_whole())?;
     let mut bursts = rig.truth().bursts.iter().map(|burst| burst.start);
     let first = bursts.find(|start| *start >= started);
     Some(first.unwrap_or(rig.now()).saturating_sub(started))

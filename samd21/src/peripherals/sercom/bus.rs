@@ -82,8 +82,8 @@ pub(super) enum Motion {
     LoseArbitration,
     /// The master lets go of SCL for a STOP; then a START, if ADDR was written meanwhile.
     Stop,
-    /// The slave, which held SCL before the STOP, lets go of it.
-    LateStop,
+    /// The slave, which held SCL before the STOP for this long, lets go of it.
+    LateStop(Ticks),
 }
 
 impl Sercom {
@@ -117,7 +117,7 @@ impl Sercom {
                 (8_u64.saturating_sub(bits) as u8, if bits == 0 { left } else { Ticks::ZERO })
             }
             Motion::End(_, reply) => (8, left.min(reply.stretch)),
-            Motion::LateStop => (8, left),
+            Motion::LateStop(stretch) => (8, left.min(stretch)),
             _ => return None,
         };
         Some(I2cCut { clocks, stretch })
@@ -159,7 +159,7 @@ impl Sercom {
             }
             (BusState::Busy, _) => self.wait(bus.now, Motion::AwaitIdle, POLL),
             (BusState::Idle, _) => self.start(bus.now),
-            (BusState::Owner, Motion::Stop | Motion::LateStop) => self.restarts = true,
+            (BusState::Owner, Motion::Stop | Motion::LateStop(_)) => self.restarts = true,
             (BusState::Owner, _) if self.held.is_some() => self.start(bus.now),
             (BusState::Owner, _) => {
                 self.note(bus, "ADDR written in the middle of a byte: ignored");
@@ -260,7 +260,7 @@ impl Sercom {
                 self.lose_bus(now);
             }
             Motion::Stop => self.stop(bus),
-            Motion::LateStop => self.finish_stop(bus),
+            Motion::LateStop(_) => self.finish_stop(bus),
         }
     }
 
@@ -343,7 +343,7 @@ impl Sercom {
             let stretch = self.ask(bus, I2cEvent::Stop).stretch;
             if stretch > Ticks::ZERO {
                 self.scl_low_since = Some(now);
-                self.wait(now, Motion::LateStop, stretch);
+                self.wait(now, Motion::LateStop(stretch), stretch);
                 return;
             }
         }

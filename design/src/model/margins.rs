@@ -1,0 +1,182 @@
+//! `tvc model margins`: how far a rocket's loop is from instability along its burn.
+//!
+//! At ten times of the burn a flight in calm air is kicked. The gain is raised, and lowered, or
+//! delay is added, until the oscillation that follows keeps half of the kick. Delay changes no gain, so that
+//! the rocket then oscillates at the loop's crossover: delay times crossover is the phase margin.
+
+use std::f64::consts::TAU;
+
+use anyhow::{Result, bail};
+use rig::bench::{Kick, RocketConfig};
+use rig::rocket::{Airframe, Conditions, dispersed};
+
+use super::Margins;
+use crate::ascent::{Flight, Law, PERIOD_S, STEP_S};
+use report::campaign::carry_out;
+use report::exit::{BadInput, Verdict};
+use report::measure::{Figure, Figures, Limit, Limit::AtLeast, figure, rows};
+
+/// Times of the burn at which a loop is looked at.
+const TIMES: u32 = 10;
+/// The first of them, s: the rocket has left its rail.
+const FIRST_S: f64 = 1.3;
+/// For how long an oscillation is followed, s: before the next time, and within the burn.
+const FOLLOWED_S: f64 = 7.0;
+const SHORTEST_BURN_S: f64 = FIRST_S + (FOLLOWED_S + 1.0) * TIMES as f64;
+/// The kick, rad/s: too small for any limit of the gimbal.
+const KICK_RAD_S: f64 = 0.005;
+/// The largest margins that are looked for, dB and s.
+const MOST_DB: f64 = 20.0;
+const MOST_DELAY_S: f64 = 0.3;
+/// Halvings of the interval in which a margin lies.
+const HALVINGS: u32 = 7;
+
+/// Required of a rocket as its image was told, dB and deg.
+const NOMINAL: (f64, f64) = (6.0, 30.0);
+/// Required of so many percent of dispersed ones.
+const DISPERSED: (f64, f64) = (4.0, 20.0);
+const DISPERSED_PCT: Limit = AtLeast(99.0);
+
+/// Margins at a time of the burn.
+#[derive(Clone, Copy, Debug)]
+struct At {
+    at_s: f64,
+    /// Gain that may be added, and taken away, dB.
+    more_db: f64,
+    less_db: f64,
+    /// Delay that may be added, s.
+    delay_s: f64,
+    /// Crossover, rad/s.
+    crossover_rad_s: f64,
+}
+
+impl At {
+    fn phase_deg(&self) -> f64 {
+        (self.delay_s * self.crossover_rad_s).to_degrees()
+    }
+
+    fn keeps(&self, (gain_db, phase_deg): (f64, f64)) -> bool {
+        self.more_db.min(self.less_db) >= gain_db && self.phase_deg() >= phase_deg
+    }
+
+    fn row(&self, airframe: &Airframe) -> [Figure; 6] {
+        let (gain_db, phase_deg) = NOMINAL;
+        let gain = |key, margin_db, name| {
+            figure(key, margin_db).shown(name, "dB", 1).limit(AtLeast(gain_db))
+        };
+        [
+            figure("airframe", airframe.name.as_str()).shown("airframe", "", 0),
+            figure("at_s", self.at_s).shown("time of the burn", "s", 1),
+            gain("more_db", self.more_db, "gain may rise by"),
+            gain("less_db", self.less_db, "fall by"),
+            figure("phase_deg", self.phase_deg())
+                .shown("phase margin", "deg", 0)
+                .limit(AtLeast(phase_deg)),
+            figure("crossover_rad_s", self.crossover_rad_s).shown("crossover", "rad/s", 1),
+        ]
+    }
+}
+
+/// Finds the margins as `options` say.
+pub fn run(options: &Margins) -> Result<Verdict> {
+    let mut calm = options.vehicle.rockets()?;
+    calm.iter_mut().for_each(|airframe| airframe.conditions = Conditions::CALM);
+    if let Some(short) = calm.iter().find(|one| one.rocket().burn_s < SHORTEST_BURN_S) {
+        bail!(BadInput::new(format!(
+            "{}: a burn of {} s is too short; an oscillation is followed for {FOLLOWED_S} s at {TIMES} times",
+            short.name,
+            short.rocket().burn_s
+        )));
+    }
+    let nominal = carry_out("airframes", &calm, None, |airframe| {
+        along_the_burn(airframe.on_pad(1), airframe)
+    })?;
+    let table = nominal
+        .iter()
+        .zip(&calm)
+        .flat_map(|(found, airframe)| found.iter().map(|at| at.row(airframe)));
+    let mut figures = Figures::from([rows("nominal", table.collect::<Vec<_>>())]);
+    if let Some(count) = options.dispersed {
+        let seeds: Vec<u64> = (options.seed..).take(count as usize).collect();
+        let keeping = carry_out("rockets", &seeds, None, |seed| {
+            let airframe = &calm[(seed % calm.len() as u64) as usize];
+            let found = along_the_burn(dispersed(*seed, airframe), airframe)?;
+            Ok(found.iter().all(|at| at.keeps(DISPERSED)))
+        })?;
+        let share = keeping.iter().filter(|keeps| **keeps).count() as f64 / f64::from(count);
+        figures = figures
+            .and(figure("seed", options.seed))
+            .and(figure("dispersed", count).shown("dispersed rockets", "", 0))
+            .and(
+                figure("dispersed_pct", 100.0 * share)
+                    .shown("with 4 dB and 20 deg throughout", "%", 1)
+                    .limit(DISPERSED_PCT),
+            );
+    }
+    figures.conclude(options.json, None)
+}
+
+/// The margins of a rocket under the gains of an airframe, at ten times of its burn.
+fn along_the_burn(mut on_pad: RocketConfig, airframe: &Airframe) -> Result<Vec<At>> {
+    let apart_s = (on_pad.parameters.rocket.burn_s - FIRST_S - FOLLOWED_S) / f64::from(TIMES - 1);
+    let times = (0..TIMES).map(|index| FIRST_S + f64::from(index) * apart_s);
+    let times: Vec<f64> = times.collect();
+    on_pad.kicks =
+        times.iter().map(|at_s| Kick { at_s: *at_s, rates_rad_s: [KICK_RAD_S, 0.0] }).collect();
+    let mut flight = Flight::new(&on_pad, airframe, Law::Scheduled(airframe.design), 1.0)?;
+    let found = times.iter().map(|at_s| {
+        while flight.now_s() + PERIOD_S < *at_s {
+            flight.tick();
+        }
+        at(&flight)
+    });
+    Ok(found.collect())
+}
+
+/// The margins of a flight that is about to be kicked.
+fn at(flight: &Flight) -> At {
+    let scaled = |db: f64| {
+        let mut other = flight.clone();
+        other.effect *= 10_f64.powf(db / 20.0);
+        other
+    };
+    let late = |delay_s: f64| {
+        let mut other = flight.clone();
+        other.delay((delay_s / STEP_S) as usize);
+        other
+    };
+    let most = |limit: f64, changed: &dyn Fn(f64) -> Flight| {
+        let (mut low, mut high) = (0.0, limit);
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            *(if oscillation(changed(middle)).is_none() { &mut low } else { &mut high }) = middle;
+        }
+        [low, high]
+    };
+    let [delay_s, too_late_s] = most(MOST_DELAY_S, &late);
+    At {
+        at_s: flight.now_s(),
+        more_db: most(MOST_DB, &scaled)[0],
+        less_db: most(MOST_DB, &|db| scaled(-db))[0],
+        delay_s,
+        crossover_rad_s: oscillation(late(too_late_s)).unwrap_or(f64::NAN),
+    }
+}
+
+/// The frequency, rad/s, of an oscillation that keeps half of the kick at least; `None` where it
+/// decays.
+fn oscillation(mut flight: Flight) -> Option<f64> {
+    let ticks = (FOLLOWED_S / PERIOD_S) as usize;
+    let rates: Vec<f64> = (0..ticks)
+        .map(|_| {
+            flight.tick();
+            flight.pitch_rate_rad_s()
+        })
+        .collect();
+    let largest = rates[2 * ticks / 3..].iter().fold(0.0_f64, |most, rate| most.max(rate.abs()));
+    if largest < 0.5 * KICK_RAD_S {
+        return None;
+    }
+    let turns = rates.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count();
+    Some(0.5 * TAU * turns as f64 / FOLLOWED_S)
+}
