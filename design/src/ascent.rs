@@ -117,7 +117,8 @@ impl Flight {
     /// One period of the control.
     pub fn tick(&mut self) {
         let ascent = self.rocket.ascent();
-        let (tilt, [roll_rate, pitch_rate, _]) = (ascent.tilt_rad(), ascent.rates_rad_s());
+        let tilt = ascent.sensed_tilt_rad();
+        let [roll_rate, pitch_rate, _] = ascent.sensed_rates_rad_s();
         if let Some(gains) = self.schedule.at(self.now_s() as f32) {
             self.laws.iter_mut().for_each(|law| law.law.set_gains(&gains));
         }

@@ -71,8 +71,24 @@ pub struct RocketParameters {
     pub gimbal_rate_rad_s: f64,
     /// Bandwidth of the gimbal's first-order lag, in Hz.
     pub gimbal_hz: f64,
-    /// First bending mode, in Hz. The model leaves it out; it bounds the gains.
+    /// First bending mode, in Hz: it bounds the gains.
     pub bending_hz: f64,
+    /// How it bends; without, the model is rigid.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bending: Option<Bending>,
+    /// Damping of the liquid propellant's slosh; without, it does not move.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slosh_damping: Option<f64>,
+}
+
+/// How a rocket bends.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bending {
+    /// Length of the airframe, in m.
+    pub length_m: f64,
+    /// Damping of either mode, as a share of the critical.
+    pub damping: f64,
 }
 
 impl RocketParameters {
@@ -97,6 +113,8 @@ impl RocketParameters {
         gimbal_rate_rad_s: 30.0 * std::f64::consts::PI / 180.0,
         gimbal_hz: 5.0,
         bending_hz: 6.0,
+        bending: None,
+        slosh_damping: None,
     };
 
     /// Spica with an airframe that is unstable for the first 70 s: at first half the aerodynamic
@@ -113,6 +131,12 @@ impl RocketParameters {
             diameter_m, scale_height_m, gimbal_limit_rad, gimbal_rate_rad_s, gimbal_hz,
             bending_hz,
         ))?;
+        if let Some(bending) = self.bending {
+            positive(&named!(bending; length_m, damping))?;
+        }
+        if let Some(slosh_damping) = self.slosh_damping {
+            positive(&named!(slosh_damping))?;
+        }
         // Its ascent is kept in steps.
         check(&named!(self; burn_s), "at most 600", |burn_s| burn_s <= 600.0)?;
         finite(&named!(self; column_base_m, normal_force_slope, static_margin, drag))

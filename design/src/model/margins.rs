@@ -180,3 +180,52 @@ fn oscillation(mut flight: Flight) -> Option<f64> {
     let turns = rates.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count();
     Some(0.5 * TAU * turns as f64 / FOLLOWED_S)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A rocket that nothing but the gimbal turns, halfway through its burn: the gain may rise and
+    /// fall by what the frequency response of gains, lag, hold and delay says.
+    #[test]
+    fn margins_are_those_of_the_frequency_response() {
+        let mut airframe = Airframe::stable();
+        airframe.conditions = Conditions::CALM;
+        let on_pad = airframe.on_pad(1);
+        let found = along_the_burn(on_pad.clone(), &airframe).unwrap();
+        let at = found[4];
+        let flight = plant::rocket::Rocket::new(airframe.rocket()).unwrap().at(at.at_s + 3.0);
+        let gains = airframe
+            .design
+            .gains(&plant::rocket::Rocket::new(airframe.rocket()).unwrap(), at.at_s + 3.0);
+        let [kp, ki, kd] = [gains.kp, gains.ki, gains.kd].map(f64::from);
+        let lag_s = 1.0 / (TAU * airframe.rocket().gimbal_hz);
+        // Seven steps until the pulse has its effect, and half a frame that it holds.
+        let delay_s = 7.0 * STEP_S + 1.5 * PERIOD_S;
+        let open = |w: f64| {
+            let (real, imaginary) = (kp, kd * w - ki / w);
+            let size = flight.mu_c * real.hypot(imaginary) / (1.0 + (lag_s * w).powi(2)).sqrt();
+            let phase = imaginary.atan2(real) - (lag_s * w).atan() - delay_s * w;
+            // The airframe's own stiffness is below all of these frequencies.
+            (size / (w * w - flight.mu_a), phase)
+        };
+        let frequencies = (300..4_000).map(|centi| f64::from(centi) * 0.01);
+        let crossing = |is_below: &dyn Fn(f64) -> bool| frequencies.clone().find(|w| is_below(*w));
+        let crossover = crossing(&|w| open(w).0 < 1.0).unwrap();
+        let phase_deg = open(crossover).1.to_degrees();
+        let lost = crossing(&|w| open(w).1 < 0.0).unwrap();
+        let gain_db = -20.0 * open(lost).0.log10();
+        assert!((at.phase_deg() - phase_deg).abs() < 5.0, "{at:?}: {phase_deg} deg");
+        assert!((at.crossover_rad_s - crossover).abs() < 0.6, "{at:?}: {crossover}");
+        assert!((at.more_db - gain_db).abs() < 1.5, "{at:?}: {gain_db} dB");
+    }
+
+    #[test]
+    fn shipped_rockets_keep_their_margins() {
+        for mut airframe in [Airframe::stable(), Airframe::unstable()] {
+            airframe.conditions = Conditions::CALM;
+            let found = along_the_burn(airframe.on_pad(1), &airframe).unwrap();
+            assert!(found.iter().all(|at| at.keeps(NOMINAL)), "{found:?}");
+        }
+    }
+}

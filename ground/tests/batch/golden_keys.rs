@@ -17,6 +17,7 @@ const ALONE: &[(&str, &str)] = &[
     ("bringup", "bringup --rig"),
     ("model-simulate", "model simulate pendulum.toml"),
     ("model-linear", "model linear"),
+    ("model-margins", "model margins --dispersed 2"),
     ("tune", "tune --generations 0 --flights 1"),
     ("tune-rocket", "tune --vehicle rocket --generations 0"),
     ("montecarlo", "montecarlo -n 6 --lateral-mm 5 --out runs.csv"),

@@ -26,7 +26,7 @@
 //! ```
 //!
 //! so that the normal force grows with the sine of the angle of attack. While the engine burns, the
-//! jet damps the rates across the axis.
+//! jet damps the rates across the axis. [`flexible`] has bending and slosh, which are options.
 //!
 //! Left out, with sizes for Spica; those with a star are estimates:
 //!
@@ -41,11 +41,13 @@
 //! | the earth's curvature and rotation, gravity that falls with altitude | 2.6 % at 84 km |
 //! | friction and tip-off of the rail, the ground after it | |
 
+mod flexible;
 mod parameters;
 mod wind;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
+use self::flexible::Flexible;
 pub use self::parameters::AscentParameters;
 use self::wind::Air;
 pub use self::wind::{Gust, Turbulence, Wind};
@@ -64,6 +66,7 @@ struct State {
     attitude: Quaternion<f64>,
     /// Body axes, rad/s.
     rates: Vector3<f64>,
+    flexible: Flexible,
 }
 
 impl State {
@@ -73,6 +76,7 @@ impl State {
             velocity: self.velocity + slope.velocity * dt_s,
             attitude: self.attitude + slope.attitude * dt_s,
             rates: self.rates + slope.rates * dt_s,
+            flexible: self.flexible.ahead(&slope.flexible, dt_s),
         }
     }
 
@@ -129,6 +133,7 @@ impl Ascent {
                 velocity: Vector3::zeros(),
                 attitude: attitude.into_inner(),
                 rates: Vector3::zeros(),
+                flexible: Flexible::default(),
             },
             gimbal_rad: [0.0; 2],
         })
@@ -189,6 +194,25 @@ impl Ascent {
     /// Rates about the body's axes, rad/s.
     pub fn rates_rad_s(&self) -> [f64; 3] {
         self.state.rates.into()
+    }
+
+    /// Rates that a gyroscope at the sensor's place turns with, rad/s: the body's, and those of the
+    /// bending.
+    pub fn sensed_rates_rad_s(&self) -> [f64; 3] {
+        let [_, [x, y]] = self.bent();
+        (self.state.rates + Vector3::new(x, y, 0.0)).into()
+    }
+
+    /// The tilt that such rates add up to, rad, as [`Self::tilt_rad`].
+    pub fn sensed_tilt_rad(&self) -> [f64; 2] {
+        let ([pitch, roll], [[x, y], _]) = (self.tilt_rad(), self.bent());
+        [pitch + y, roll + x]
+    }
+
+    /// How bending turns the sensor about x and y, rad, and its rates, rad/s.
+    fn bent(&self) -> [[f64; 2]; 2] {
+        let AscentParameters { rocket, sensor_m, .. } = &self.parameters;
+        self.state.flexible.turned(rocket, -sensor_m[2]).map(Into::into)
     }
 
     /// The tilt of the rocket's axis against the vertical as a vector (the reduced attitude), rad:
@@ -274,7 +298,7 @@ impl Ascent {
 
     fn slope(&self, drive: &Drive, state: &State) -> State {
         let attitude = state.attitude();
-        let load = self.load(drive, state, &attitude);
+        let (load, flexible) = self.load(drive, state, &attitude);
         let weightless = attitude * load.force / load.mass.mass_kg;
         let acceleration = weightless + Vector3::new(0.0, 0.0, GRAVITY_M_S2);
         if self.on_rail {
@@ -287,18 +311,25 @@ impl Ascent {
             velocity: acceleration,
             attitude: state.attitude * Quaternion::from_imag(0.5 * state.rates),
             rates: (load.moment - state.rates.cross(&momentum)).component_div(&inertia),
+            flexible,
         }
     }
 
-    /// Thrust and air.
-    fn load(&self, drive: &Drive, state: &State, attitude: &UnitQuaternion<f64>) -> Load {
+    /// Thrust, air and slosh, and the slope of what is flexible.
+    fn load(
+        &self,
+        drive: &Drive,
+        state: &State,
+        attitude: &UnitQuaternion<f64>,
+    ) -> (Load, Flexible) {
         let p = &self.parameters;
         let mass = p.rocket.mass_at(drive.time_s);
         let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
+        let mut thrust = Vector3::zeros();
         if drive.burning {
             let [pitch, roll] =
                 [0, 1].map(|axis| drive.gimbal_rad[axis] + p.misalignment_rad[axis]);
-            let thrust = p.rocket.burn_at(drive.time_s).0 * direction(pitch, roll);
+            thrust = p.rocket.burn_at(drive.time_s).0 * direction(pitch, roll);
             force += thrust;
             moment += Vector3::new(0.0, 0.0, mass.cm_m).cross(&thrust);
             let damping = mass.inertia_kg_m2 * p.rocket.jet_damping_per_s(drive.time_s);
@@ -311,7 +342,9 @@ impl Ascent {
         let normal = -pressed * p.rocket.normal_force_slope * Vector3::new(u.x, u.y, 0.0);
         force += normal - Vector3::new(0.0, 0.0, pressed * p.rocket.drag * u.z);
         moment += Vector3::new(0.0, 0.0, p.rocket.behind_m(&mass)).cross(&normal);
-        Load { mass, force, moment }
+        let mut load = Load { mass, force, moment };
+        let flexible = state.flexible.slope(&p.rocket, drive.time_s, thrust.xy(), &mut load);
+        (load, flexible)
     }
 
     /// About the body's axes through the centre of mass, kg m2.
@@ -344,6 +377,7 @@ fn on_rail(state: &State, along: &Vector3<f64>, acceleration: &Vector3<f64>) -> 
         velocity: along * forward,
         attitude: Quaternion::from_imag(Vector3::zeros()),
         rates: Vector3::zeros(),
+        flexible: Flexible::default(),
     }
 }
 

@@ -321,7 +321,7 @@ impl Environment {
     fn felt(&mut self, now: Ticks, dt_s: f64, tilt_rad_s: [f64; Axis::COUNT]) -> Stimulus {
         // Accelerations are the mean over the step, so that a jump of the rate, as at the release,
         // is felt once.
-        let [roll, pitch, spin] = self.vehicle.rates_rad_s();
+        let [roll, pitch, spin] = self.vehicle.sensed_rates_rad_s();
         let rates = Vector3::new(roll + tilt_rad_s[1], pitch + tilt_rad_s[0], spin);
         self.turning = (rates, (rates - self.turning.0) / dt_s);
         let mut felt = match self.felt_in_hand(dt_s) {

@@ -65,6 +65,14 @@ impl Vehicle {
         }
     }
 
+    /// The rates that a gyroscope on it turns with, rad/s: with those of a rocket's bending.
+    pub(super) fn sensed_rates_rad_s(&self) -> [f64; 3] {
+        match self {
+            Self::Rocket(rocket) => rocket.ascent().sensed_rates_rad_s(),
+            _ => self.rates_rad_s(),
+        }
+    }
+
     /// The tilt as [`Self::tilt_rad`] has it, rad, in axes that have the heading of the bench and
     /// do not spin with the drone.
     pub fn level_tilt_rad(&self, heading_rad: f64) -> [f64; Axis::COUNT] {
