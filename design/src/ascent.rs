@@ -73,7 +73,7 @@ pub struct Flight {
     laws: [Controller<f32, Pid<f32>>; 2],
     schedule: Schedule<f32, 6>,
     shaft_per_gimbal: f64,
-    /// The gimbal is sent to so many times what the law asks for.
+    /// What the law asks of the gimbal is multiplied by this.
     pub effect: f64,
     /// What the gimbal is sent to over the next steps, the nearest first.
     under_way: VecDeque<[f64; 2]>,
@@ -142,8 +142,7 @@ impl Flight {
         }
     }
 
-    /// Lets so many more steps of the physics pass until the gimbal is sent to what the law asks
-    /// for.
+    /// Adds this number of steps of the physics between the law and the gimbal.
     pub fn delay(&mut self, steps: usize) {
         let now = self.under_way.front().copied().unwrap_or_default();
         (0..steps).for_each(|_| self.under_way.push_front(now));

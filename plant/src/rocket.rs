@@ -175,9 +175,9 @@ impl RocketParameters {
         self.static_margin * self.diameter_m + mass.cm_m - self.mass_at(0.0).cm_m
     }
 
-    /// What the jet takes of a rate across the axis, in 1/s, at a time of the burn (s): the angular
-    /// momentum of the flow `m'` that leaves at the gimbal, less that of the inertia which goes
-    /// with it: `(I' + m' x_cm^2) / I`.
+    /// What the jet takes of a rate across the axis, in 1/s, at a time of the burn (s). The flow
+    /// `m'` leaves at the gimbal with its angular momentum, and the inertia `I` shrinks:
+    /// `(I' + m' x_cm^2) / I`.
     pub(crate) fn jet_damping_per_s(&self, time_s: f64) -> f64 {
         let step_s = 1e-4 * self.burn_s;
         let middle_s = time_s.clamp(step_s, self.burn_s - step_s);

@@ -33,7 +33,7 @@ const HALVINGS: u32 = 7;
 
 /// Required of a rocket as its image was told, dB and deg.
 const NOMINAL: (f64, f64) = (6.0, 30.0);
-/// Required of so many percent of dispersed ones.
+/// Required of dispersed ones, and of how many of them.
 const DISPERSED: (f64, f64) = (4.0, 20.0);
 const DISPERSED_PCT: Limit = AtLeast(99.0);
 

@@ -118,7 +118,7 @@ pub struct Margins {
     #[arg(long, default_value = "rocket")]
     pub vehicle: VehicleChoice,
 
-    /// Also so many rockets that differ from their figures.
+    /// Also this number of rockets that differ from their figures.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub dispersed: Option<u32>,
 
