@@ -246,6 +246,14 @@ pub trait Board {
         false
     }
 
+    /// A SERCOM as USART has sent a byte.
+    fn serial(&mut self, _now: Ticks, _sercom: usize, _byte: u8) {}
+
+    /// What comes in at a SERCOM that is a USART: asked once for the length of a byte.
+    fn serial_input(&mut self, _now: Ticks, _sercom: usize) -> Option<u8> {
+        None
+    }
+
     /// The chip changes the level at a pin: PORT or a TCC's waveform. An I2C line counts as high
     /// when the chip releases it; another pin that is released goes where the chip's pull resistor
     /// takes it, else low.

@@ -22,6 +22,8 @@ pub struct Options {
     pub osculp32k_hz: u32,
     /// How far the watchdog's clock, which comes from there, is into a cycle of it at power-on.
     pub osculp32k_phase: Ticks,
+    /// A crystal of 32,768 Hz at XIN32 and XOUT32.
+    pub crystal: bool,
     /// How long the core takes to wake from sleep.
     pub wake_up: Ticks,
     /// The user row, which sets watchdog, brown-out detector and protection at every reset.
@@ -49,6 +51,7 @@ impl Default for Options {
             dfll_drift_ppm_s: 0,
             osculp32k_hz: 32_768,
             osculp32k_phase: Ticks::ZERO,
+            crystal: false,
             wake_up: Ticks::ZERO,
             user_row: UserRow::SHIPPED,
             flash_time: 1.0,

@@ -19,7 +19,7 @@
 //! | left out | why |
 //! |---|---|
 //! | clock output on pins (OE) | no board looks at it; OE is stored |
-//! | sources XOSC, GCLKIN, XOSC32K, DPLL | not modelled: such a generator stands still |
+//! | sources XOSC, GCLKIN, DPLL | not modelled: such a generator stands still |
 //! | duty cycle (IDC), RUNSTDBY | no model depends on them |
 
 use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
@@ -121,6 +121,7 @@ impl Gclk {
                 2 if index != 1 => self.rates[1],
                 3 => Some(sysctrl.osculp32k()),
                 4 => sysctrl.osc32k(now),
+                5 => sysctrl.xosc32k(now),
                 6 => sysctrl.osc8m(),
                 7 => sysctrl.dfll(now),
                 _ => None,

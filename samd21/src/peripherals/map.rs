@@ -26,6 +26,7 @@ pub(super) enum Block {
     Wdt,
     Dmac,
     Matrix,
+    Adc,
     Unmodelled,
 }
 
@@ -75,8 +76,8 @@ const fn at(base: u32, bridge: Bridge, index: u32, name: &'static str, block: Bl
 }
 
 use Block::{
-    Dmac, Dsu, Eic, Gclk, Matrix, Nvmctrl, Pac, Pm, Port, Sercom, Sysctrl, Tc, Tcc, Unmodelled,
-    Usb, Wdt,
+    Adc, Dmac, Dsu, Eic, Gclk, Matrix, Nvmctrl, Pac, Pm, Port, Sercom, Sysctrl, Tc, Tcc,
+    Unmodelled, Usb, Wdt,
 };
 use Bridge::{A, B, C};
 
@@ -114,7 +115,7 @@ pub(super) static ENTRIES: [Entry; 36] = [
     at(0x4200_3400, C, 13, "TC5", Tc(2)).wired(20, 0x1C),
     at(0x4200_3800, C, 14, "TC6", Unmodelled),
     at(0x4200_3C00, C, 15, "TC7", Unmodelled),
-    at(0x4200_4000, C, 16, "ADC", Unmodelled),
+    at(0x4200_4000, C, 16, "ADC", Adc).wired(23, 0x1E),
     at(0x4200_4400, C, 17, "AC", Unmodelled),
     at(0x4200_4800, C, 18, "DAC", Unmodelled),
     at(0x4200_4C00, C, 19, "PTC", Unmodelled),

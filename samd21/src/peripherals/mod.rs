@@ -11,21 +11,23 @@
 //! | `pm`, `sysctrl`, `gclk` | clocks and reset cause |
 //! | `nvmctrl`, `user_row` | flash programming, factory rows, settings at reset |
 //! | `port` | pins and their multiplexers |
-//! | `sercom` | I2C masters |
+//! | `sercom` | I2C masters, USARTs |
 //! | `tcc` | TCC0-TCC2: waveforms |
 //! | `tc` | TC3-TC5: time bases |
 //! | `usb` | USB device controller; [`usb_host`](crate::usb_host) is the other end of the cable |
 //! | `eic` | external interrupts |
 //! | `wdt` | watchdog |
 //! | `pac`, `dsu` | write protection; device identity, CRC-32 of the flash |
+//! | `adc` | registers alone: a conversion gives half of its range |
 //! | `priorities` | priorities in DMAC and HMATRIX, without effect |
 //!
 //! `map` has their addresses, interrupt lines and clocks, `multiplexer` what the pins lead to.
 //!
-//! RTC, MTB, EVSYS, ADC, AC, DAC, PTC, I2S, TC6 and TC7 are not modelled: an access
+//! RTC, MTB, EVSYS, AC, DAC, PTC, I2S, TC6 and TC7 are not modelled: an access
 //! faults.
 
 mod access;
+mod adc;
 mod clock;
 mod counter;
 mod dfll;
@@ -77,6 +79,7 @@ pub(crate) struct Peripherals {
     nvmctrl: nvmctrl::Nvmctrl,
     port: port::Port,
     priorities: priorities::Priorities,
+    adc: adc::Adc,
     sercom: [sercom::Sercom; 6],
     tc: [tc::Tc; 3],
     tcc: [tcc::Tcc; 3],
@@ -111,6 +114,7 @@ impl Peripherals {
             nvmctrl: nvmctrl::Nvmctrl::new(options),
             port: port::Port::default(),
             priorities: priorities::Priorities::new(),
+            adc: adc::Adc::new(),
             sercom: [0, 1, 2, 3, 4, 5]
                 .map(|index| sercom::Sercom::new(index, options.syncbusy_hold)),
             tc: [0, 1, 2].map(|index| tc::Tc::new(index, options.syncbusy_hold)),
@@ -197,6 +201,7 @@ impl Peripherals {
             Block::Tcc(index) => self.tcc[index].read(now, offset),
             Block::Usb => self.usb.read(now, offset),
             Block::Wdt => self.wdt.read(offset),
+            Block::Adc => self.adc.read(offset),
             Block::Dmac => self.priorities.read_dmac(offset),
             Block::Matrix => self.priorities.read_matrix(offset),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
@@ -271,6 +276,7 @@ impl Peripherals {
             Block::Tcc(index) => self.tcc[index].write(bus, offset, lanes),
             Block::Usb => self.usb.write(bus, offset, lanes),
             Block::Wdt => self.wdt.write(bus, offset, lanes),
+            Block::Adc => self.adc.write(bus, offset, lanes),
             Block::Dmac => self.priorities.write_dmac(offset, lanes),
             Block::Matrix => self.priorities.write_matrix(offset, lanes),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
@@ -473,10 +479,13 @@ impl Peripherals {
         next = next.min(self.wdt.next());
         let mut lines =
             self.pm.interrupts.irq() | self.sysctrl.interrupts.irq() | self.wdt.interrupts.irq();
-        lines |= self.eic.interrupts.irq() | self.nvmctrl.irq(now) | self.usb.irq();
+        lines |= self.adc.interrupts.irq()
+            | self.eic.interrupts.irq()
+            | self.nvmctrl.irq(now)
+            | self.usb.irq();
         for sercom in &self.sercom {
             next = next.min(sercom.next());
-            lines |= sercom.interrupts.irq();
+            lines |= sercom.irq();
         }
         for tcc in &self.tcc {
             next = next.min(tcc.next());

@@ -131,13 +131,56 @@ fn a_user_reset_spares_the_32_khz_oscillators() {
     }
 }
 
+/// XOSC32K with STARTUP 0 and XTALEN: four cycles, where there is a crystal.
+#[test]
+fn a_crystal_clocks_a_generator_once_it_runs() {
+    for crystal in [true, false] {
+        let mut bench = Bench::with(&Options { crystal, ..Options::default() }, Unconnected);
+        bench.w16(SYSCTRL + 0x14, 1 << 1 | 1 << 2);
+        bench.w32(GCLK + 8, 1);
+        bench.w32(GCLK + 4, 1 | 5 << 8 | 1 << 16);
+        // TC3 from generator 1.
+        bench.w16(GCLK + 2, 0x1B | 1 << 8 | 1 << 14);
+        let is_ready = |bench: &mut Bench<Unconnected>| bench.r32(SYSCTRL + 0x0C) & 1 << 1 != 0;
+        bench.pass(Ticks::from_us(121));
+        assert!(!is_ready(&mut bench));
+        bench.pass(Ticks::from_us(2));
+        assert_eq!(is_ready(&mut bench), crystal);
+        assert_eq!(bench.peripherals.gclk.clock(0x1B).is_some(), crystal);
+    }
+}
+
+/// What the start-up code of the Arduino core does with it, and a conversion.
+#[test]
+fn the_adc_keeps_its_set_up_and_gives_half_of_its_range() {
+    const ADC: u32 = 0x4200_4000;
+    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
+    bench.w32(PM_APBCMASK, 1 << 16);
+    for (offset, value) in [(0x02, 0x05), (0x03, 0x3F)] {
+        bench.w8(ADC + offset, value);
+        assert_eq!(bench.r8(ADC + offset), value);
+    }
+    bench.w16(ADC + 4, 7 << 8 | 2 << 4);
+    bench.w32(ADC + 0x10, 0x0F00_1800);
+    bench.w8(ADC, 2);
+    assert_eq!((bench.r8(ADC + 0x18), bench.r8(ADC + 0x19)), (0, 0));
+    bench.w8(ADC + 0x17, 1);
+    bench.w8(ADC + 0x0C, 2);
+    assert_eq!((bench.r8(ADC + 0x18), bench.r16(ADC + 0x1A)), (1, 0x200));
+    assert_eq!(bench.peripherals.irq_lines, 1 << 23);
+    bench.w8(ADC + 0x18, 1);
+    assert_eq!((bench.r8(ADC + 0x18), bench.peripherals.irq_lines), (0, 0));
+    bench.w8(ADC, 1);
+    assert_eq!((bench.r16(ADC + 4), bench.r8(ADC + 0x16)), (0, 0));
+}
+
 #[test]
 fn accesses_that_no_model_covers_name_what_they_hit() {
     let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     let message = |result: Result<u32, BusError>| result.unwrap_err().to_string();
     assert_eq!(
-        message(bench.try_read(0x4200_4000, Width::Byte)),
-        "ADC at 0x42004000: the whole peripheral is not modelled"
+        message(bench.try_read(0x4200_4400, Width::Byte)),
+        "AC at 0x42004400: the whole peripheral is not modelled"
     );
     assert_eq!(
         message(bench.try_read(SYSCTRL + 0x44, Width::Byte)),
@@ -159,7 +202,7 @@ fn accesses_that_no_model_covers_name_what_they_hit() {
 fn the_cpu_cannot_be_left_without_a_clock() {
     let mut bench = Bench::new(Ticks::ZERO, Unconnected);
     bench.w32(GCLK + 8, 1 << 8);
-    // No crystal is modelled.
+    // There is no crystal.
     let from_crystal = 5 << 8 | 1 << 16;
     let error = bench.try_write(GCLK + 4, Width::Word, from_crystal).unwrap_err();
     assert!(matches!(error.refusal, Refusal::Forbidden(_)));

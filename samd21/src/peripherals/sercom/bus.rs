@@ -100,6 +100,11 @@ impl Sercom {
 
     /// Does what is due at `bus.now`.
     pub(crate) fn advance(&mut self, bus: &mut Bus<'_>) {
+        if let Some(usart) = &mut self.usart {
+            usart.advance(bus, self.index, self.clock);
+            self.due = usart.next();
+            return;
+        }
         if self.low_timeout() <= bus.now {
             self.time_out(bus);
         } else if self.due <= bus.now {

@@ -1,4 +1,4 @@
-//! SERCOM0 to SERCOM5 as I2C masters. The one whose pads 0 and 1 the pin multiplexers connect to
+//! SERCOM0 to SERCOM5 as I2C masters, and as USARTs ([`usart`]). The master whose pads 0 and 1 the pin multiplexers connect to
 //! the board's I2C lines reaches its bus; the data sheet's list of pins that support I2C is not
 //! checked.
 //!
@@ -19,13 +19,14 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | USART, SPI, I2C slave | not used: setting MODE to one faults |
+//! | SPI, I2C slave, USART with an external clock | setting MODE to one faults |
 //! | smart mode, quick command, LENEN, 10 bits, high speed, PINOUT, MEXT and SEXT time-outs | not modelled: setting one faults |
 //! | DMA | DMAC is not modelled |
 
 mod bus;
 #[cfg(test)]
 mod tests;
+mod usart;
 
 use super::access::{Bus, DONE, ENABLE, Lanes, RESERVED, Read, Refusal, SWRST, Write};
 use super::clock::{Rate, SyncFlags};
@@ -33,9 +34,11 @@ use super::interrupts::Interrupts;
 use super::map::{Block, entry};
 use crate::board::{Board, Lines, Ticks};
 use bus::{BusState, Direction, Motion};
+use usart::Usart;
 
 const MODE: u32 = 7 << 2;
 const MODE_I2C_MASTER: u32 = 5 << 2;
+const MODE_USART: u32 = 1 << 2;
 const LOWTOUTEN: u32 = 1 << 30;
 /// CTRLA: MODE, RUNSTDBY, SDAHOLD, SPEED up to fast-mode plus, INACTOUT, LOWTOUTEN.
 const CTRLA_MODELLED: u32 = MODE | 1 << 7 | 3 << 20 | 1 << 24 | 3 << 28 | LOWTOUTEN;
@@ -90,6 +93,8 @@ pub(crate) struct Sercom {
     scl_low_since: Option<Ticks>,
     /// What others held low when last looked at.
     lines: Lines,
+    /// In place of all this, with MODE 1.
+    usart: Option<Box<Usart>>,
 }
 
 impl Sercom {
@@ -110,6 +115,11 @@ impl Sercom {
         self.slow_clock = slow;
     }
 
+    /// The NVIC's line if it is requested, else 0.
+    pub(crate) fn irq(&self) -> u32 {
+        self.interrupts.irq() | self.usart.as_ref().map_or(0, |usart| usart.interrupts.irq())
+    }
+
     fn is_enabled(&self) -> bool {
         self.ctrla & ENABLE != 0
     }
@@ -128,6 +138,9 @@ impl Sercom {
     }
 
     pub(crate) fn read(&mut self, now: Ticks, offset: u32, board: &dyn Board) -> Read {
+        if let (Some(usart), 0x04..0x1C | 0x20..) = (&mut self.usart, offset) {
+            return usart.read(offset);
+        }
         Ok(match offset {
             0x00 => self.ctrla | u32::from(self.sync.is_busy(now, busy::SWRST)),
             0x04 => self.ctrlb,
@@ -148,6 +161,12 @@ impl Sercom {
     }
 
     pub(crate) fn write(&mut self, bus: &mut Bus<'_>, offset: u32, lanes: Lanes) -> Write {
+        if let (Some(usart), 0x04..) = (&mut self.usart, offset) {
+            let enabled = self.ctrla & ENABLE != 0;
+            usart.write(bus.now, offset, lanes, (enabled, self.clock))?;
+            self.due = usart.next();
+            return DONE;
+        }
         match offset {
             0x00 => return self.write_ctrla(bus, lanes.merge(self.ctrla)),
             0x04 => return self.write_ctrlb(bus, lanes.merge(self.ctrlb)),
@@ -203,14 +222,22 @@ impl Sercom {
             self.sync.begin(bus.now, busy::SWRST);
             return DONE;
         }
-        if value & !(ENABLE | CTRLA_MODELLED) != 0 {
+        let mode = value & MODE;
+        let modelled =
+            if mode == MODE_USART { MODE | usart::CTRLA_MODELLED } else { CTRLA_MODELLED };
+        if value & !(ENABLE | modelled) != 0 {
             return Err(Refusal::Unmodelled("this bit of CTRLA"));
         }
-        let mode = value & MODE;
-        if mode != MODE_I2C_MASTER && (mode != 0 || value & ENABLE != 0) {
-            return Err(Refusal::Unmodelled("any mode but I2C master"));
+        if ![MODE_I2C_MASTER, MODE_USART].contains(&mode) && (mode != 0 || value & ENABLE != 0) {
+            return Err(Refusal::Unmodelled("any mode but I2C master and USART"));
         }
-        bus.write_ctrla(self.name(), &mut self.ctrla, value, CTRLA_MODELLED);
+        bus.write_ctrla(self.name(), &mut self.ctrla, value, modelled);
+        if self.ctrla & MODE == MODE_USART {
+            let interrupts = || Box::new(Usart::new(Interrupts::of(Block::Sercom(self.index))));
+            self.usart.get_or_insert_with(interrupts);
+        } else {
+            self.usart = None;
+        }
         if (self.ctrla ^ value) & ENABLE != 0 {
             if self.sync.is_busy(bus.now, busy::ENABLE) {
                 self.note(bus, "ENABLE written while it synchronises: discarded");
@@ -218,7 +245,13 @@ impl Sercom {
             }
             self.sync.begin(bus.now, busy::ENABLE);
             self.ctrla ^= ENABLE;
-            self.release_lines(bus);
+            match &mut self.usart {
+                Some(usart) => {
+                    usart.enable(bus.now, self.ctrla & ENABLE != 0, self.clock);
+                    self.due = usart.next();
+                }
+                None => self.release_lines(bus),
+            }
         }
         DONE
     }
