@@ -153,6 +153,11 @@ impl Flight {
         f64::from(self.ticks) * PERIOD_S
     }
 
+    /// Whether the rail still guides the rocket.
+    pub fn on_rail(&self) -> bool {
+        self.rocket.ascent().on_rail()
+    }
+
     /// The rate about the body's y, rad/s.
     pub fn pitch_rate_rad_s(&self) -> f64 {
         self.rocket.ascent().rates_rad_s()[1]

@@ -43,7 +43,7 @@ mod wiring;
 
 pub use bench::{disturbance, sensor_motion};
 pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, fly_at_once, prepare};
-pub use fly::{action, attended, faults, flight, pilot, profile, replay, rocket, usbip};
+pub use fly::{action, attended, faults, flight, gdb, pilot, profile, replay, rocket, usbip};
 #[cfg(unix)]
 pub use fly::{control, pty, real_time};
 pub use ground_station::GroundStation;

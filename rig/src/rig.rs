@@ -16,6 +16,7 @@ use samd21::Chip;
 use samd21::board::Ticks;
 use samd21::chip::Stop;
 use samd21::peripherals::ResetCause;
+use std::cell::Cell;
 use std::sync::Arc;
 use thiserror::Error;
 use tvc_nano::{Params, store};
@@ -84,6 +85,9 @@ enum Running {
     /// The bootloader waits for a programmer until the next reset.
     Bootloader,
 }
+
+/// Whether a run is to end before the instruction at an address.
+type Stops<'a> = dyn Fn(u32) -> bool + 'a;
 
 /// A firmware image on the virtual rig. A clone starts from the same state and runs independently.
 #[derive(Clone)]
@@ -173,9 +177,29 @@ impl Rig {
     /// # Errors
     /// [`RigError::Stopped`].
     pub fn run_until(&mut self, until: Ticks) -> Result<(), RigError> {
-        while self.now() < until {
-            match self.run_some(until) {
+        self.run(until, None).map(|_| ())
+    }
+
+    /// The same, more slowly, up to an instruction at whose address `stops` says so. The first one
+    /// is executed anyway. Whether it has come to another.
+    ///
+    /// # Errors
+    /// [`RigError::Stopped`].
+    pub fn run_watched(
+        &mut self,
+        until: Ticks,
+        stops: &dyn Fn(u32) -> bool,
+    ) -> Result<bool, RigError> {
+        let is_first = Cell::new(true);
+        self.run(until, Some(&|pc| !is_first.replace(false) && stops(pc)))
+    }
+
+    fn run(&mut self, until: Ticks, stops: Option<&Stops<'_>>) -> Result<bool, RigError> {
+        let mut is_there = false;
+        while self.now() < until && !is_there {
+            match self.run_some(until, stops) {
                 Stop::Reached => {}
+                Stop::Breakpoint if stops.is_some() => is_there = true,
                 // The core stands still until the watchdog resets it.
                 Stop::Lockup => self.halts += 1,
                 Stop::Reset(cause) => self.reset(cause),
@@ -189,13 +213,17 @@ impl Rig {
             }
         }
         self.environment.advance(self.now());
-        Ok(())
+        Ok(is_there)
     }
 
-    fn run_some(&mut self, until: Ticks) -> Stop {
+    fn run_some(&mut self, until: Ticks, stops: Option<&Stops<'_>>) -> Stop {
         match self.running {
             Running::Image => {
-                let stop = self.chip.run_until(until, &mut self.environment);
+                let (chip, environment) = (&mut self.chip, &mut self.environment);
+                let stop = match stops {
+                    Some(stops) => chip.run_watched(until, environment, stops),
+                    None => chip.run_until(until, environment),
+                };
                 self.lowest_sp = self.lowest_sp.min(self.chip.lowest_sp());
                 stop
             }

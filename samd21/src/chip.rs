@@ -65,6 +65,26 @@ impl Chip {
     /// Runs until `until`, or until something stops the chip. The last instruction may end some
     /// cycles after `until`; everything due until then has happened.
     pub fn run_until(&mut self, until: Ticks, board: &mut dyn Board) -> Stop {
+        self.run_by(until, board, Core::run)
+    }
+
+    /// The same, more slowly, up to an instruction at whose address `stops` says so: then it is
+    /// [`Stop::Breakpoint`], and the chip stands before it.
+    pub fn run_watched(
+        &mut self,
+        until: Ticks,
+        board: &mut dyn Board,
+        stops: &dyn Fn(u32) -> bool,
+    ) -> Stop {
+        self.run_by(until, board, |core, bus, until| core.run_watched(bus, until, stops))
+    }
+
+    fn run_by(
+        &mut self,
+        until: Ticks,
+        board: &mut dyn Board,
+        run: impl FnOnce(&mut Core, &mut Bus<'_>, Ticks) -> Stop,
+    ) -> Stop {
         while self.is_stopped() {
             let step = until.min(self.now() + STOPPED_STEP);
             let stop = self.hold_until(step, board);
@@ -73,7 +93,7 @@ impl Chip {
             }
         }
         let (core, mut bus) = self.parts(board);
-        let stop = core.run(&mut bus, until);
+        let stop = run(core, &mut bus, until);
         bus.settle(core.now());
         stop
     }

@@ -18,11 +18,9 @@ use report::measure::{Figure, Figures, Limit, Limit::AtLeast, figure, rows};
 
 /// Times of the burn at which a loop is looked at.
 const TIMES: u32 = 10;
-/// The first of them, s: the rocket has left its rail.
-const FIRST_S: f64 = 1.3;
 /// For how long an oscillation is followed, s: before the next time, and within the burn.
 const FOLLOWED_S: f64 = 7.0;
-const SHORTEST_BURN_S: f64 = FIRST_S + (FOLLOWED_S + 1.0) * TIMES as f64;
+const SHORTEST_BURN_S: f64 = (FOLLOWED_S + 1.0) * TIMES as f64;
 /// The kick, rad/s: too small for any limit of the gimbal.
 const KICK_RAD_S: f64 = 0.005;
 /// The largest margins that are looked for, dB and s.
@@ -116,14 +114,21 @@ pub fn run(options: &Margins) -> Result<Verdict> {
     figures.conclude(options.json, None)
 }
 
-/// The margins of a rocket under the gains of an airframe, at ten times of its burn.
+/// The margins of a rocket under the gains of an airframe, at ten times from its rail to the end of
+/// its burn.
 fn along_the_burn(mut on_pad: RocketConfig, airframe: &Airframe) -> Result<Vec<At>> {
-    let apart_s = (on_pad.parameters.rocket.burn_s - FIRST_S - FOLLOWED_S) / f64::from(TIMES - 1);
-    let times = (0..TIMES).map(|index| FIRST_S + f64::from(index) * apart_s);
-    let times: Vec<f64> = times.collect();
+    let law = Law::Scheduled(airframe.design);
+    let mut flight = Flight::new(&on_pad, airframe, law, 1.0)?;
+    let burn_s = on_pad.parameters.rocket.burn_s;
+    while flight.on_rail() && flight.now_s() < burn_s {
+        flight.tick();
+    }
+    let first_s = flight.now_s() + 2.0 * PERIOD_S;
+    let apart_s = (burn_s - first_s - FOLLOWED_S) / f64::from(TIMES - 1);
+    let times: Vec<f64> = (0..TIMES).map(|index| first_s + f64::from(index) * apart_s).collect();
     on_pad.kicks =
         times.iter().map(|at_s| Kick { at_s: *at_s, rates_rad_s: [KICK_RAD_S, 0.0] }).collect();
-    let mut flight = Flight::new(&on_pad, airframe, Law::Scheduled(airframe.design), 1.0)?;
+    let mut flight = Flight::new(&on_pad, airframe, law, 1.0)?;
     let found = times.iter().map(|at_s| {
         while flight.now_s() + PERIOD_S < *at_s {
             flight.tick();

@@ -45,6 +45,8 @@ Examples:
   tvc calibrate --port ./nano                  in a second terminal
   tvc rig --usbip                          the USB device itself, for the kernel of a virtual
   usbip attach -r 10.0.2.2 -b 1-1              machine, where it becomes /dev/ttyACM0
+  tvc rig --pty --gdb                      lets a debugger look at the firmware, and step back:
+  gdb-multiarch -ex 'target remote :3333' target/chip/thumbv6m-none-eabi/firmware/tvc-nano
 
 The hand at the rig does with sensor and drone what `tvc calibrate` asks for. The clamp opens when the firmware goes to active and closes when it is disarmed. With --link, `tvc rig tell` and the page of `tvc web` can act on the rig while it runs, through the socket LINK.control.
 Exit status: 0 ended, 1 something failed, 2 unusable input.")]
@@ -62,6 +64,12 @@ pub struct Rig {
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "3240")]
     #[arg(conflicts_with_all = ["pty", "link"])]
     pub usbip: Option<u16>,
+
+    /// Serve the protocol of GDB at this port of this computer [default: 3333]: registers, memory,
+    /// breakpoints, single steps, and reverse-stepi and reverse-continue behind a breakpoint or a
+    /// step. The rig stands still meanwhile.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "3333")]
+    pub gdb: Option<u16>,
 
     /// What the rig is like.
     #[command(flatten)]
@@ -328,7 +336,8 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
     );
     let control = link.as_mut().and_then(|link| link.control.take());
     let speed = choice.speed.unwrap_or(1.0);
-    let mut running = RealTime::new(attended, cable, control, speed);
+    let debugger = options.gdb.map(debugger).transpose()?;
+    let mut running = RealTime::new(attended, cable, control, speed).with_debugger(debugger);
     let longest = options.seconds.map(Duration::from_secs_f64);
     let mut report = |at_s: f64, line: &str| eprintln!("{at_s:9.3} s  {line}");
     let mut plugged = |path: &Path| {
@@ -346,6 +355,15 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
         );
     }
     Ok(Verdict::Met)
+}
+
+/// The server for a debugger at a port.
+#[cfg(unix)]
+fn debugger(port: u16) -> Result<::rig::gdb::Server> {
+    let refused = |error| BadInput::new(format!("cannot listen at port {port}: {error}"));
+    let server = ::rig::gdb::Server::open(port).map_err(refused)?;
+    eprintln!("a debugger may connect: target remote {}", server.address()?);
+    Ok(server)
 }
 
 /// Only Unix has pseudo-terminals.

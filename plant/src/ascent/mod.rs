@@ -250,6 +250,11 @@ impl Ascent {
         self.time_s.is_some_and(|now| now < self.parameters.rocket.burn_s)
     }
 
+    /// Whether the pad or its rail still guides it.
+    pub fn on_rail(&self) -> bool {
+        self.on_rail
+    }
+
     /// Mass, centre of mass and inertia now.
     pub fn mass_properties(&self) -> MassProperties {
         self.parameters.rocket.mass_at(self.time_s.unwrap_or(0.0))

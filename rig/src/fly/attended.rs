@@ -5,6 +5,7 @@ use samd21::board::Ticks;
 use serde_json::json;
 
 use crate::fly::action::Action;
+use crate::fly::gdb::Debug;
 use crate::fly::pilot::Pilot;
 use crate::rig::{Rig, RigError};
 
@@ -19,12 +20,14 @@ pub struct Attended {
     pub pilot: Pilot,
     /// When the bootloader was first seen to run, while it does.
     bootloader: Option<Ticks>,
+    /// What a debugger has set.
+    pub(super) debug: Debug,
 }
 
 impl Attended {
     /// A rig and its pilot.
     pub fn new(rig: Rig, pilot: Pilot) -> Self {
-        Self { rig, pilot, bootloader: None }
+        Self { rig, pilot, bootloader: None, debug: Debug::default() }
     }
 
     /// Runs for `time`, after the station has sent `typed`. Gives the bytes that the image has
@@ -40,7 +43,7 @@ impl Attended {
     ) -> Result<Vec<u8>, RigError> {
         self.rig.usb_write(typed);
         self.pilot.on_station_bytes(&mut self.rig, typed);
-        self.rig.run_for(time)?;
+        self.debug.run(&mut self.rig, time)?;
         let sent = self.rig.usb_read();
         let now_s = self.rig.now().as_secs_f64();
         for line in self.pilot.on_image_bytes(&mut self.rig, &sent) {

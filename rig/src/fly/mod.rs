@@ -7,6 +7,7 @@ pub mod attended;
 pub mod control;
 pub mod faults;
 pub mod flight;
+pub mod gdb;
 pub mod pilot;
 pub mod profile;
 #[cfg(unix)]

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use crate::fly::attended::Attended;
 use crate::fly::control::Control;
+use crate::fly::gdb;
 use crate::fly::pty::Pty;
 use crate::fly::usbip::Server;
 use crate::observe::measure::LoopTiming;
@@ -24,6 +25,8 @@ use thiserror::Error;
 const SLICE: Ticks = Ticks::from_ms(1);
 /// How far the rig may lag behind real time and still catch up; a longer lag is given up.
 const MOST_LAG: Duration = Duration::from_millis(200);
+/// How long a rig that a debugger holds waits before it looks again.
+const LOOK_EVERY: Duration = Duration::from_millis(1);
 /// Bytes waiting on the laptop's side at which it stops reading, like a serial driver's buffer.
 const BUFFER: usize = 4096;
 /// Timing is measured over windows of this length; the ground truth is cleared after each.
@@ -68,6 +71,7 @@ pub struct RealTime {
     pty: Option<Pty>,
     network: Option<Server>,
     control: Option<Control>,
+    debugger: Option<gdb::Server>,
     /// A program has the pseudo-terminal open.
     open: bool,
     /// The rate that it has asked for.
@@ -96,12 +100,18 @@ impl RealTime {
             pty,
             network,
             control,
+            debugger: None,
             open: false,
             baud: None,
             outgoing: Vec::new(),
             speed,
             summary: Summary::default(),
         }
+    }
+
+    /// The same, which a debugger may look at.
+    pub fn with_debugger(self, debugger: Option<gdb::Server>) -> Self {
+        Self { debugger, ..self }
     }
 
     /// Runs until `stop` is set or `longest` is over. `report` gets lines to show to a person, with
@@ -120,6 +130,12 @@ impl RealTime {
         let begun = Instant::now();
         let mut due = begun;
         while !stop.load(Ordering::Relaxed) && longest.is_none_or(|most| begun.elapsed() < most) {
+            let debugger = self.debugger.as_mut();
+            if debugger.map_or(Ok(false), |debugger| debugger.poll(&mut self.attended))? {
+                std::thread::sleep(LOOK_EVERY);
+                due = Instant::now();
+                continue;
+            }
             self.slice(report)?;
             if let Some(control) = &mut self.control {
                 control.poll(|line| self.attended.act(line, report));

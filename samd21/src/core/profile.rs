@@ -1,4 +1,4 @@
-//! Cycles by address and exception: where a program spends its time.
+//! Runs of one instruction after the other: cycles by address and exception, and breakpoints.
 
 use std::collections::BTreeMap;
 
@@ -32,26 +32,13 @@ impl Core {
     /// As `run`, and notes what each instruction takes: a burst for each. A loop of its own, so
     /// that `run` pays nothing for it.
     pub(super) fn run_profiled(&mut self, bus: &mut Bus<'_>, until: Ticks) -> Stop {
-        let until = parts(until);
-        let mut due = 0;
+        self.deadline = 0;
         loop {
             let before = self.counters().cycles;
-            let mut stop = None;
-            if self.now >= due {
-                stop = self.attend(bus, until);
-                due = self.deadline;
-            }
+            let attended = self.attend_if_due(bus, until);
             // An exception that was entered has changed both.
             let place = (self.ipsr, self.pc);
-            if stop.is_none() {
-                self.deadline = self.now + 1;
-                let is_left_out = self.burst(bus.memory);
-                self.deadline = due;
-                if is_left_out {
-                    stop = self.rest(bus);
-                }
-                due = self.deadline;
-            }
+            let stop = attended.or_else(|| self.single(bus));
             let cycles = self.counters().cycles - before;
             if cycles != 0
                 && let Some(profile) = &mut self.profile
@@ -62,6 +49,39 @@ impl Core {
                 return stop;
             }
         }
+    }
+
+    /// As `run`, up to an instruction at whose address `stops` says so.
+    pub(crate) fn run_watched(
+        &mut self,
+        bus: &mut Bus<'_>,
+        until: Ticks,
+        stops: &dyn Fn(u32) -> bool,
+    ) -> Stop {
+        self.deadline = 0;
+        loop {
+            if let Some(stop) = self.attend_if_due(bus, until) {
+                return stop;
+            }
+            if stops(self.pc) {
+                return Stop::Breakpoint;
+            }
+            if let Some(stop) = self.single(bus) {
+                return stop;
+            }
+        }
+    }
+
+    fn attend_if_due(&mut self, bus: &mut Bus<'_>, until: Ticks) -> Option<Stop> {
+        if self.now >= self.deadline { self.attend(bus, parts(until)) } else { None }
+    }
+
+    /// Executes one instruction: a burst that ends behind it.
+    fn single(&mut self, bus: &mut Bus<'_>) -> Option<Stop> {
+        let due = std::mem::replace(&mut self.deadline, self.now + 1);
+        let is_left_out = self.burst(bus.memory);
+        self.deadline = due;
+        if is_left_out { self.rest(bus) } else { None }
     }
 }
 

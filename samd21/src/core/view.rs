@@ -17,7 +17,8 @@ pub enum Stop {
     /// An access or a state that no model covers. The chip stands before the instruction.
     #[error("{0}")]
     Fault(Fault),
-    /// A BKPT instruction. The chip stands before it.
+    /// A BKPT instruction, or a place that whoever runs the chip has named. The chip stands before
+    /// it.
     #[error("breakpoint")]
     Breakpoint,
     /// A fault inside of HardFault or NMI: the core stands still until it is reset, by a watchdog
