@@ -151,6 +151,9 @@ fn at(flight: &Flight) -> At {
         other
     };
     let most = |limit: f64, changed: &dyn Fn(f64) -> Flight| {
+        if oscillation(changed(limit)).is_none() {
+            return [limit; 2];
+        }
         let (mut low, mut high) = (0.0, limit);
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
