@@ -109,9 +109,9 @@ Examples:
   tvc model margins --dispersed 500                 and rockets that are not as their image was told
   tvc model margins --vehicle vehicles/spica.toml --json
 
-At ten times of the burn the rocket is kicked in calm air, and followed for 7 s. The gain is changed,
-or delay added, until the oscillation keeps half of the kick, by 20 dB or 0.3 s at most. Required are 6 dB and 30 deg, and 4 dB and
-20 deg of 99 % of dispersed rockets.
+At ten times of the burn the rocket is kicked in calm air, and followed for 7 s. The gain is changed
+by up to 20 dB, or up to 0.3 s of delay are added, until the oscillation keeps half of the kick.
+Required are 6 dB and 30 deg, and 4 dB and 20 deg of 99 % of dispersed rockets.
 Exit status: 0 all margins are kept, 1 one is not, 2 unusable input.")]
 pub struct Margins {
     /// The rocket: rocket, or a FILE.toml.
