@@ -8,8 +8,8 @@
 //! ```
 //!
 //! with mass, centre of mass and inertia changing as propellant burns, and the dynamic pressure `q`
-//! of a vertical run. The centre of pressure is fixed in the body, and the centre of mass moves away
-//! from it. Left out: lateral drift and wind, slosh, bending, jet damping.
+//! of a vertical run. The centre of pressure is fixed in the body, and the centre of mass moves
+//! away from it. Left out: lateral drift and wind, slosh, bending, jet damping.
 //!
 //! The stated figures do not fit each other. 100 kN from 2600 kg in 90 s imply a specific impulse
 //! of 353 s, too much for oxygen and ethanol (at 250 s the burn would last 64 s). A vertical run on
@@ -59,7 +59,8 @@ pub struct RocketParameters {
     pub diameter_m: f64,
     /// Slope of the normal force over angle of attack, in 1/rad.
     pub normal_force_slope: f64,
-    /// Centre of pressure behind the centre of mass at lift-off, in diameters; negative is unstable.
+    /// Centre of pressure behind the centre of mass at lift-off, in diameters; negative is
+    /// unstable.
     pub static_margin: f64,
     /// Drag coefficient.
     pub drag: f64,

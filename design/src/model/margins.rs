@@ -1,8 +1,9 @@
 //! `tvc model margins`: how far a rocket's loop is from instability along its burn.
 //!
 //! At ten times of the burn a flight in calm air is kicked. The gain is raised, and lowered, or
-//! delay is added, until the oscillation that follows keeps half of the kick. Delay changes no gain, so that
-//! the rocket then oscillates at the loop's crossover: delay times crossover is the phase margin.
+//! delay is added, until the oscillation that follows keeps half of the kick. Delay changes no
+//! gain, so that the rocket then oscillates at the loop's crossover: delay times crossover is the
+//! phase margin.
 
 use std::f64::consts::TAU;
 

@@ -14,7 +14,7 @@
 //! frequencies that rise as propellant burns.
 //!
 //! # Slosh
-//! The propellant is a liquid of the depth `h` in a cylinder of the rocket's radius `R`, whose first
+//! The propellant is a liquid of the depth `h` in a cylinder of the rocket's radius `R`. Its first
 //! mode is a mass that slides across it (NASA SP-106, chapter 6), here at the surface:
 //!
 //! ```text

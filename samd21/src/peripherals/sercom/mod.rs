@@ -1,6 +1,6 @@
-//! SERCOM0 to SERCOM5 as I2C masters, and as USARTs ([`usart`]). The master whose pads 0 and 1 the pin multiplexers connect to
-//! the board's I2C lines reaches its bus; the data sheet's list of pins that support I2C is not
-//! checked.
+//! SERCOM0 to SERCOM5 as I2C masters, and as USARTs ([`usart`]). The master whose pads 0 and 1 the
+//! pin multiplexers connect to the board's I2C lines reaches its bus; the data sheet's list of pins
+//! that support I2C is not checked.
 //!
 //! | offset | register | behaviour |
 //! |---|---|---|

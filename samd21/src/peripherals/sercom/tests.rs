@@ -530,8 +530,8 @@ fn a_clone_goes_its_own_way() {
     assert_eq!(rig.flags(), MB);
 }
 
-/// 115,200 baud at 48 MHz: BAUD 63,019 makes a bit of 416.6 cycles, as drivers compute it. Two bytes
-/// wait in DATA and behind it; a third must wait for DRE.
+/// 115,200 baud at 48 MHz: BAUD 63,019 makes a bit of 416.6 cycles, as drivers compute it. Two
+/// bytes wait in DATA and behind it; a third must wait for DRE.
 #[test]
 fn a_usart_sends_and_receives_byte_by_byte() {
     const DRE: u32 = 1;
