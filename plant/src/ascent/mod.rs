@@ -26,7 +26,7 @@
 //! ```
 //!
 //! so that the normal force grows with the sine of the angle of attack. While the engine burns, the
-//! jet damps the rates across the axis. [`flexible`] has bending and slosh, which are options.
+//! jet damps the rates across the axis. Bending and slosh (`flexible.rs`) are options.
 //!
 //! Left out, with sizes for Spica; those with a star are estimates:
 //!
