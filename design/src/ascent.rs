@@ -1,5 +1,6 @@
 //! The rocket's ascent on the model, under the image's law in float: what `tvc tune` and
-//! `tvc model margins` fly. The attitude is the true one.
+//! `tvc model margins` fly. The law gets the true attitude and rates, with the bending
+//! where there is some.
 
 use std::collections::VecDeque;
 use std::f64::consts::PI;

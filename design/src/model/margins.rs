@@ -24,11 +24,10 @@ const FOLLOWED_S: f64 = 7.0;
 const SHORTEST_BURN_S: f64 = (FOLLOWED_S + 1.0) * TIMES as f64;
 /// The kick, rad/s: too small for any limit of the gimbal.
 const KICK_RAD_S: f64 = 0.005;
-/// The largest margins that are looked for, dB and s.
-const MOST_DB: f64 = 20.0;
-const MOST_DELAY_S: f64 = 0.3;
-/// Halvings of the interval in which a margin lies.
-const HALVINGS: u32 = 7;
+/// The largest margins that are looked for, dB and s, and halvings of the interval in which each
+/// lies.
+const MOST_DB: (f64, u32) = (20.0, 7);
+const MOST_DELAY_S: (f64, u32) = (1.2, 9);
 
 /// Required of a rocket as its image was told, dB and deg.
 const NOMINAL: (f64, f64) = (6.0, 30.0);
@@ -151,12 +150,12 @@ fn at(flight: &Flight) -> At {
         other.delay((delay_s / STEP_S) as usize);
         other
     };
-    let most = |limit: f64, changed: &dyn Fn(f64) -> Flight| {
+    let most = |(limit, halvings): (f64, u32), changed: &dyn Fn(f64) -> Flight| {
         if oscillation(changed(limit)).is_none() {
             return [limit; 2];
         }
         let (mut low, mut high) = (0.0, limit);
-        for _ in 0..HALVINGS {
+        for _ in 0..halvings {
             let middle = 0.5 * (low + high);
             *(if oscillation(changed(middle)).is_none() { &mut low } else { &mut high }) = middle;
         }

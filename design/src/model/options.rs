@@ -110,7 +110,7 @@ Examples:
   tvc model margins --vehicle vehicles/spica.toml --json
 
 At ten times of the burn the rocket is kicked in calm air, and followed for 7 s. The gain is changed
-by up to 20 dB, or up to 0.3 s of delay are added, until the oscillation keeps half of the kick.
+by up to 20 dB, or up to 1.2 s of delay are added, until the oscillation keeps half of the kick.
 Required are 6 dB and 30 deg, and 4 dB and 20 deg of 99 % of dispersed rockets.
 Exit status: 0 all margins are kept, 1 one is not, 2 unusable input.")]
 pub struct Margins {

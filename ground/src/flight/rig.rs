@@ -4,6 +4,8 @@
 
 pub mod tell;
 
+#[cfg(unix)]
+use std::net::{Ipv4Addr, TcpListener};
 use std::path::{Path, PathBuf};
 
 use ::rig::ServoKind;
@@ -311,15 +313,14 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
     let mut link = options.link.as_deref().map(Link::claim).transpose()?;
     let attended = choice.attended()?;
     let cable = if let Some(port) = options.usbip {
-        let refused = |error| BadInput::new(format!("cannot listen at port {port}: {error}"));
-        let server = Server::open(port).map_err(refused)?;
-        let address = server.address()?;
+        let listener = listener(port)?;
+        let address = listener.local_addr()?;
         print(format_args!("{address}\n"))?;
         eprintln!(
             "attach it as root: usbip --tcp-port {} attach -r HOST -b {BUS_ID}",
             address.port()
         );
-        Cable::Network(server)
+        Cable::Network(Server::new(listener)?)
     } else {
         let pty = Pty::open().context("making a pseudo-terminal")?;
         if let Some(link) = &mut link {
@@ -360,10 +361,16 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
 /// The server for a debugger at a port.
 #[cfg(unix)]
 fn debugger(port: u16) -> Result<::rig::gdb::Server> {
-    let refused = |error| BadInput::new(format!("cannot listen at port {port}: {error}"));
-    let server = ::rig::gdb::Server::open(port).map_err(refused)?;
-    eprintln!("a debugger may connect: target remote {}", server.address()?);
-    Ok(server)
+    let listener = listener(port)?;
+    eprintln!("a debugger may connect: target remote {}", listener.local_addr()?);
+    Ok(::rig::gdb::Server::new(listener)?)
+}
+
+/// Listens at a port of this computer; 0 is any that is free.
+#[cfg(unix)]
+fn listener(port: u16) -> Result<TcpListener> {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port));
+    Ok(listener.map_err(|error| BadInput::new(format!("cannot listen at port {port}: {error}")))?)
 }
 
 /// Only Unix has pseudo-terminals.

@@ -10,7 +10,7 @@
 use std::cell::Cell;
 use std::collections::{BTreeSet, VecDeque};
 use std::io;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{TcpListener, TcpStream};
 
 use gdbstub::arch::Arch;
 use gdbstub::common::Signal;
@@ -34,8 +34,6 @@ use samd21::board::Ticks;
 use crate::fly::attended::Attended;
 use crate::rig::{Rig, RigError};
 
-/// The port that debuggers of such chips expect.
-pub const PORT: u16 = 3333;
 /// Copies of the rig for the way back, and the time between two.
 const COPIES: usize = 64;
 const COPY_EVERY: Ticks = Ticks::from_ms(50);
@@ -69,22 +67,13 @@ enum Resume {
 }
 
 impl Server {
-    /// Listens at this port of this computer; 0 is any that is free.
+    /// Serves whoever connects.
     ///
     /// # Errors
-    /// The port cannot be had.
-    pub fn open(port: u16) -> io::Result<Self> {
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
+    /// The system does not let it look without waiting.
+    pub fn new(listener: TcpListener) -> io::Result<Self> {
         listener.set_nonblocking(true)?;
         Ok(Self { listener, session: None })
-    }
-
-    /// Where it listens.
-    ///
-    /// # Errors
-    /// The system does not say.
-    pub fn address(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
     }
 
     /// Does what the debugger asks for. Whether the rig is to stand still.
@@ -451,8 +440,9 @@ mod tests {
     impl Bench {
         fn new() -> Self {
             let rig = rig::Rig::new(&counter(), &RigConfig::default()).unwrap();
-            let server = Server::open(0).unwrap();
-            let debugger = TcpStream::connect(server.address().unwrap()).unwrap();
+            let listener = TcpListener::bind("localhost:0").unwrap();
+            let debugger = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+            let server = Server::new(listener).unwrap();
             debugger.set_nodelay(true).unwrap();
             let pilot = Pilot::new([0.0; 2], 0.0, Manner::Steady);
             Self { server, attended: Attended::new(rig, pilot), debugger }

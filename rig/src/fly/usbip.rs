@@ -5,12 +5,10 @@
 //! One client at a time. Isochronous transfers do not exist on this device.
 
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{TcpListener, TcpStream};
 
 use samd21::usb_host::{Answer, Host, Urb, UrbError};
 
-/// The port of USB/IP.
-pub const PORT: u16 = 3240;
 /// The name by which a client attaches the device.
 pub const BUS_ID: &str = "1-1";
 
@@ -54,22 +52,13 @@ struct Client {
 }
 
 impl Server {
-    /// Listens at this port of this computer; 0 is any that is free.
+    /// Serves whoever connects.
     ///
     /// # Errors
-    /// The port cannot be had.
-    pub fn open(port: u16) -> io::Result<Self> {
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
+    /// The system does not let it look without waiting.
+    pub fn new(listener: TcpListener) -> io::Result<Self> {
         listener.set_nonblocking(true)?;
         Ok(Self { listener, client: None })
-    }
-
-    /// Where it listens.
-    ///
-    /// # Errors
-    /// The system's error.
-    pub fn address(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
     }
 
     /// Passes on what the client has sent and what the device has answered, and waits for neither.

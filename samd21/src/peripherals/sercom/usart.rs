@@ -2,8 +2,8 @@
 //!
 //! | offset | register | behaviour |
 //! |---|---|---|
-//! | 00 | CTRLA | SWRST, ENABLE, MODE; pads, order and format are stored |
-//! | 04 | CTRLB | TXEN, RXEN, SBMODE; the rest stored |
+//! | 00 | CTRLA | SWRST, ENABLE, MODE; pads and order are stored |
+//! | 04 | CTRLB | TXEN, RXEN, SBMODE |
 //! | 0C | BAUD | a bit takes 16 / (1 - BAUD / 65,536) cycles of the generic clock |
 //! | 14, 16, 18 | INTENCLR, INTENSET, INTFLAG | DRE, TXC, RXC |
 //! | 1A | STATUS | BUFOVF |
@@ -64,7 +64,7 @@ impl Usart {
         self.sent_at.min(self.comes_at)
     }
 
-    /// ENABLE or CTRLB has changed.
+    /// What ENABLE and CTRLB begin or end.
     fn begin(&mut self, now: Ticks, enabled: bool, clock: Option<Rate>) {
         if enabled && self.ctrlb & TXEN != 0 && self.buffer.is_none() {
             self.interrupts.flags |= DRE;
@@ -75,7 +75,7 @@ impl Usart {
         };
     }
 
-    /// The generic clock, ENABLE or a register has changed.
+    /// ENABLE has changed.
     pub(super) fn enable(&mut self, now: Ticks, enabled: bool, clock: Option<Rate>) {
         if !enabled {
             *self = Self { ctrlb: self.ctrlb, baud: self.baud, ..Self::new(self.interrupts) };
