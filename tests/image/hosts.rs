@@ -6,7 +6,7 @@ use rig::measure::LoopTiming;
 use rig::usbip::Server;
 use rig::{Ready, Ticks};
 use std::io::{ErrorKind, Read, Write};
-use std::net::{Shutdown, TcpStream};
+use std::net::{Shutdown, TcpListener, TcpStream};
 
 /// How long each host misbehaves.
 const LENGTH: Ticks = Ticks::from_ms(1500);
@@ -167,8 +167,9 @@ struct Importer {
 
 impl Importer {
     fn new(rig: rig::Rig) -> Self {
-        let server = Server::open(0).unwrap();
-        let stream = TcpStream::connect(server.address().unwrap()).unwrap();
+        let listener = TcpListener::bind(("127.0.0.1", 0)).unwrap();
+        let stream = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let server = Server::new(listener).unwrap();
         stream.set_nonblocking(true).unwrap();
         Self { rig, server, stream }
     }
