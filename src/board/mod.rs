@@ -52,6 +52,8 @@ pub(crate) struct Board {
 impl Board {
     /// Bring the board up, servo first; the stored parameters, and how the last run ended.
     pub(crate) fn start() -> (Self, Params, BootReport) {
+        // A wrong jump may have led here, while the timer runs.
+        frame::end_pulses();
         let (Some(mut chip), Some(mut core)) =
             (pac::Peripherals::take(), cortex_m::Peripherals::take())
         else {

@@ -416,9 +416,11 @@ fn wait_for_gap() {
 /// Take the servos' pins from the timer, each between two pulses.
 pub(crate) fn end_pulses() {
     for Output { pin, .. } in WIRING.servos {
-        let _ = within_frame(|| !pin.is_high());
-        pin.low();
-        pin.gpio();
+        if pin.is_connected() {
+            let _ = within_frame(|| !pin.is_high());
+            pin.low();
+            pin.gpio();
+        }
     }
 }
 

@@ -71,6 +71,13 @@ impl Pin {
         self.configure(INPUT | PERIPHERAL);
     }
 
+    /// Whether a peripheral has it.
+    pub(crate) fn is_connected(self) -> bool {
+        // SAFETY: reads a register that is always mapped.
+        let config = unsafe { (self.settings().at as usize as *const u8).read_volatile() };
+        config & PERIPHERAL != 0
+    }
+
     /// Make it an input that a pull-down holds low, where it has not been driven high before.
     pub(crate) fn pull_down(self) {
         self.configure(INPUT | PULL);

@@ -258,6 +258,34 @@ fn a_hung_loop_is_reset_and_told() {
     station.wait_for_state(rig, ms(6000), StateKind::Standby).unwrap();
 }
 
+/// A wrong jump leads to the start while a pulse is on its way: no pulse is cut or lengthened by the
+/// set-up of the clocks.
+#[test]
+fn a_jump_to_the_start_spoils_no_pulse() {
+    for lead_us in [10, 400, 800, 1200] {
+        let mut flight = in_flight();
+        let Ready { rig, station, .. } = &mut flight;
+        let risen = rig.truth().high[Axis::Pitch.index()].map(|high| high.rise);
+        while rig.truth().high[Axis::Pitch.index()].is_none_or(|high| Some(high.rise) == risen) {
+            rig.run_for(Ticks::from_us(5)).unwrap();
+        }
+        rig.run_for(Ticks::from_us(lead_us)).unwrap();
+        let at = rig.now();
+        let start = rig.image().bytes()[4..8].try_into().unwrap();
+        let mut registers = rig.chip.registers();
+        registers.r[15] = u32::from_le_bytes(start) & !1;
+        rig.chip.set_registers(&registers);
+        station.run(rig, ms(600)).unwrap();
+        let pulses = rig.truth().pulses_since(at - ms(3));
+        assert!(pulses.len() > 2, "{} pulses", pulses.len());
+        for pulse in pulses {
+            let is_neutral = default_neutral_us().contains(&pulse.width_us());
+            assert!(is_neutral || pulse.is_as_asked(0.0), "{} us", pulse.width_us());
+        }
+        assert!(default_neutral_us().contains(&pulses.last().unwrap().width_us()));
+    }
+}
+
 /// The early warning outranks the interrupts of bus and frame: whichever of them hangs, the rudder
 /// is at neutral within the 62.5 ms of the warning and a frame. SysTick does the same after 65 ms,
 /// if a flipped bit has turned the watchdog off at the same instant.
