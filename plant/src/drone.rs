@@ -14,6 +14,7 @@
 
 use crate::mechanism::{Configuration, Mechanism};
 use crate::parameters::{Checked, Parameters};
+use crate::servo::Load;
 
 /// Pitch at which the tether's stops hold the drone, either side, in rad.
 pub const TETHER_STOP_RAD: f64 = 1.2;
@@ -171,9 +172,21 @@ impl Drone {
         self.at.linkage.rudder_rad
     }
 
-    /// Torque of wash and gravity on the crank, in N m: the load that the servo works against.
+    /// Torque of wash and gravity on the crank, in N m.
     pub fn hinge_torque_n_m(&self) -> f64 {
         self.mechanism.hinge_torque(&self.at, self.pitch_rad)
+    }
+
+    /// What the servo turns, the drone's own acceleration included: that of the pitch is eliminated
+    /// from the equations of both coordinates. Terms with the square of a rate are left out.
+    pub fn crank_load(&self) -> Load {
+        let (at, hinge) = (&self.at, self.hinge_torque_n_m());
+        if self.held {
+            return Load { torque_n_m: hinge, inertia_kg_m2: at.m11 };
+        }
+        let pitch = self.mechanism.pitch_load(at, self.pitch_rad, self.rate_rad_s());
+        let share = at.m01 / at.m00;
+        Load { torque_n_m: hinge - share * pitch, inertia_kg_m2: at.crank_inertia() }
     }
 
     /// Whether the clamp holds the drone.

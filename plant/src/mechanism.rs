@@ -59,6 +59,13 @@ pub struct Configuration {
     pub wash_torque: f64,
 }
 
+impl Configuration {
+    /// Inertia that the crank feels while the drone is free to turn the other way, in kg m2.
+    pub fn crank_inertia(&self) -> f64 {
+        self.m11 - self.m01 * self.m01 / self.m00
+    }
+}
+
 impl Mechanism {
     /// Checks the parameters and builds the mechanism.
     ///

@@ -285,8 +285,7 @@ impl PitchLoop {
             self.servo.pulse(edge, self.servo.model().width_for_crank(command_rad));
             self.frames += 1;
         }
-        let load = self.drone.hinge_torque_n_m();
-        let crank = self.servo.advance(end, load);
+        let crank = self.servo.advance(end, self.drone.crank_load());
         self.drone.step(step_s, crank);
         self.steps += 1;
         let slot = self.steps as usize % self.history.len();

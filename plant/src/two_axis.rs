@@ -39,6 +39,7 @@ use self::shape::{Body, Shape};
 use crate::drone::{Crank, TETHER_STOP_RAD};
 use crate::mechanism::Mechanism;
 use crate::parameters::Checked;
+use crate::servo::Load;
 use crate::tilt;
 
 /// Orientation and momentum.
@@ -192,7 +193,7 @@ impl TwoAxisDrone {
         self.shape.linkages.map(|at| at.linkage.rudder_rad)
     }
 
-    /// Torques of wash and gravity on the cranks, in N m: the loads that the servos work against.
+    /// Torques of wash and gravity on the cranks, in N m.
     pub fn hinge_torque_n_m(&self) -> [f64; 2] {
         let down = self.attitude.inverse() * Vector3::z();
         let gravity = self.parameters.one_axis.gravity_m_s2;
@@ -201,6 +202,23 @@ impl TwoAxisDrone {
             let [x, y] = at.first_moment_slope;
             let (along_x, along_y) = ([down.x, -down.y][axis], -down.z);
             at.wash_torque + gravity * (along_x * x + along_y * y)
+        })
+    }
+
+    /// What the servos turn, each as [`Drone::crank_load`](crate::Drone::crank_load) has it about
+    /// its own axis.
+    pub fn crank_loads(&self) -> [Load; 2] {
+        let hinges = self.hinge_torque_n_m();
+        let state = State { attitude: self.attitude.into_inner(), momentum: self.momentum };
+        let moment = self.slope(&self.shape, self.speeds(), &state).momentum;
+        [0, 1].map(|axis| {
+            let (at, about) = (&self.shape.linkages[axis], [1, 0][axis]);
+            let inertia = self.shape.inertia[(about, about)];
+            let share = if self.held { 0.0 } else { at.m01 / inertia };
+            Load {
+                torque_n_m: hinges[axis] - share * moment[about],
+                inertia_kg_m2: at.m11 - share * at.m01,
+            }
         })
     }
 

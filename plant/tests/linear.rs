@@ -1,5 +1,7 @@
 //! Linear analysis against the reference figures.
 
+mod reference;
+
 use nalgebra::{Complex, RowVector4};
 use plant::free::State;
 use plant::linear::frequency::OpenLoop;
@@ -134,7 +136,7 @@ fn margins_hold_away_from_zero_rudder() {
 #[test]
 fn margins_of_the_reference_table() {
     let mechanism = Mechanism::new(&Parameters::PHYS).unwrap();
-    let (a, b) = (ServoModel::S3003, ServoModel::DIGITAL);
+    let (a, b) = (reference::S3003, reference::DIGITAL);
     let (slow, fast) = (Timing::ANALOGUE, Timing::DIGITAL);
     for (servo, timing, kp, kd, gm, pm, at, delay_ms) in [
         (a, slow, 1.0, 0.30, 13.1, 42.7, 9.7, 77.0),

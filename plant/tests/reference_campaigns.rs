@@ -1,5 +1,7 @@
 //! Campaigns against the reference's pass rates.
 
+mod reference;
+
 use plant::Setup;
 use plant::dispersion::{Campaign, Outcome, Ranges, fly, pass_rate, quantile};
 use plant::pitch_loop::{Pd, Timing};
@@ -7,7 +9,7 @@ use plant::pitch_loop::{Pd, Timing};
 /// Expected pass rates with 5 %, 2 % and fixed band: analogue servo, kp 1.0, kd 0.30. The
 /// reference flew other draws, so that rates agree within their confidence only.
 fn compare(ranges: Ranges, expected: [f64; 3]) -> Vec<Outcome> {
-    let setup = Setup::default();
+    let setup = Setup { servo: reference::S3003, ..Setup::default() };
     let campaign = Campaign { ranges, ..Campaign::new(1, 300) };
     let linkage = setup.drone.linkage();
     let law = |_: &Timing| {

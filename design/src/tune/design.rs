@@ -182,6 +182,8 @@ impl Grid {
 pub struct Problem {
     setup: Setup,
     base: Params,
+    /// Lag of the servo's motor with the rudder at zero, s.
+    servo_lag_s: f64,
     limits_s: [f64; STARTS_RAD.len()],
     seed: u64,
 }
@@ -200,8 +202,11 @@ impl Problem {
             let limit = limit::time_optimal(&setup.drone, actuator, start, START_RATE_RAD_S, 0.0)?;
             *limit_s = limit.response.settling_s(BAND).unwrap_or(limit.to_rest_s);
         }
-        let pitch_gain = pitch_gain(&Mechanism::new(&setup.drone)?);
-        let mut problem = Self { setup, base: base.clone(), limits_s, seed };
+        let mechanism = Mechanism::new(&setup.drone)?;
+        let pitch_gain = pitch_gain(&mechanism);
+        let zero = mechanism.configuration(mechanism.linkage().zero_rudder_crank_rad());
+        let servo_lag_s = setup.servo.lag_s(zero.crank_inertia());
+        let mut problem = Self { setup, base: base.clone(), servo_lag_s, limits_s, seed };
         problem.base.set("PID_LAW", SURFACE_LAW).map_err(|error| anyhow::anyhow!("{error}"))?;
         set(&mut problem.base, "PITCH_GAIN", pitch_gain);
         set(&mut problem.base, "SRV_RAD_S", setup.servo.speed_rad_s);
@@ -215,7 +220,7 @@ impl Problem {
         let ahead_s = servo.loop_s;
         [
             servo.loop_s,
-            1.5 * servo.lag_s,
+            1.5 * self.servo_lag_s,
             // A logarithm is searched.
             (0.5 * servo.backlash_rad).max(1e-4),
             ahead_s,

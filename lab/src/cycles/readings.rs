@@ -16,6 +16,8 @@ const RELEASE: usize = 300;
 /// Where it begins, rad, and what pushes all the time, rad of the servo.
 const START_RAD: f64 = 0.4;
 const PUSH_RAD: f64 = 0.03;
+/// Inertia that the nominal drone's crank feels, kg m2.
+const RUDDER_KG_M2: f64 = 6.73e-4;
 
 /// Updates in a frame of the servo.
 const UPDATES_A_FRAME: usize = 3;
@@ -56,7 +58,8 @@ pub fn release(law: &Law) -> Vec<Step> {
     let SurfaceConfig { plant_gain, effect_s, sensor_lag_s, actuator_rate, .. } =
         ::cycles::surface();
     // The servo itself, of which the surface's gains have a model as it is best taken to be.
-    let ServoModel { loop_s, lag_s, .. } = ServoModel::S3003;
+    let ServoModel { loop_s, .. } = ServoModel::S3003;
+    let lag_s = ServoModel::S3003.lag_s(RUDDER_KG_M2);
     let wide = f64::from;
     let speed_limit = wide(actuator_rate);
     let dt = wide(PERIOD_S) / FINE as f64;

@@ -7,7 +7,7 @@ use super::{IdentifyError, Reading, Record, check};
 use crate::drone::Drone;
 use crate::linear::frequency;
 use crate::mechanism::Mechanism;
-use crate::servo::Servo;
+use crate::servo::{Load, Servo};
 use crate::setup::Setup;
 
 /// Step of the model, in s.
@@ -184,7 +184,7 @@ impl<'a> Fit<'a> {
         while let Some((edge, width)) = pulses.next_if(|(edge, _)| *edge < start_s) {
             servo.pulse(edge.max(start_s - SETTLE_S), width);
         }
-        let crank = servo.advance(start_s, 0.0);
+        let crank = servo.advance(start_s, Load { torque_n_m: 0.0, ..drone.crank_load() });
         drone.place_crank(crank.angle_rad);
 
         let mut residuals = Vec::with_capacity(readings.len());
@@ -200,7 +200,7 @@ impl<'a> Fit<'a> {
                 while let Some((edge, width)) = pulses.next_if(|(edge, _)| *edge < now) {
                     servo.pulse(edge, width);
                 }
-                let crank = servo.advance(now, drone.hinge_torque_n_m());
+                let crank = servo.advance(now, drone.crank_load());
                 drone.step(STEP_S, crank);
             }
             let part = ((now - seen) / STEP_S).clamp(0.0, 1.0);

@@ -40,8 +40,11 @@ pub struct OpenLoop {
     pub frame_s: f64,
     /// The servo's position loop, in s.
     pub servo_loop_s: f64,
-    /// The servo motor's lag, in s.
+    /// The servo motor's lag with what it turns at the point, in s.
     pub servo_lag_s: f64,
+    /// How far the servo gives way to the wash and gravity at the point, rad for each rad that its
+    /// crank has turned.
+    pub servo_droop: f64,
     /// Crank to pitch, sign turned so that the loop is one of negative feedback.
     pub drone: TransferFunction,
 }
@@ -106,6 +109,7 @@ impl OpenLoop {
         let nominal = linkage.at(linkage.zero_rudder_crank_rad()).rudder_ratio;
         let gain = nominal / linkage.at(point.crank_rad).rudder_ratio;
         let (kp, kd) = (gain * kp, gain * kd);
+        let at = mechanism.configuration(point.crank_rad);
         Self {
             kp,
             kd,
@@ -113,7 +117,11 @@ impl OpenLoop {
             delay_s: mean_delay_s(timing),
             frame_s: timing.frame_s,
             servo_loop_s: servo.loop_s,
-            servo_lag_s: servo.lag_s,
+            servo_lag_s: servo.lag_s(at.crank_inertia()),
+            servo_droop: -servo.droop
+                * servo.loop_s
+                * servo.yielding()
+                * hinge_slope(mechanism, point),
             drone: crank_to_pitch(mechanism, point),
         }
     }
@@ -129,8 +137,10 @@ impl OpenLoop {
         } else {
             (-(-frame).exp() + 1.0) / frame
         };
+        let stiffness = 1.0 + self.servo_droop;
         let servo =
-            (s * s * self.servo_loop_s * self.servo_lag_s + s * self.servo_loop_s + 1.0).inv();
+            (s * s * self.servo_loop_s * self.servo_lag_s + s * self.servo_loop_s + stiffness)
+                .inv();
         law * delay * hold * servo * self.drone.at(s)
     }
 
@@ -142,7 +152,7 @@ impl OpenLoop {
         let delay = TransferFunction::delay(self.delay_s + PULSE_S + 0.5 * self.frame_s);
         let servo = TransferFunction::new(
             vec![1.0],
-            vec![self.servo_loop_s * self.servo_lag_s, self.servo_loop_s, 1.0],
+            vec![self.servo_loop_s * self.servo_lag_s, self.servo_loop_s, 1.0 + self.servo_droop],
         );
         law.series(&delay).series(&servo).series(&self.drone)
     }
@@ -220,6 +230,16 @@ pub fn pitch_gain(mechanism: &Mechanism) -> f64 {
     let crank_rad = mechanism.linkage().zero_rudder_crank_rad();
     let transfer = crank_to_pitch(mechanism, &State { crank_rad, ..State::default() });
     transfer.numerator[transfer.numerator.len() - 1] / transfer.denominator[0]
+}
+
+/// What the torque on the crank changes by with its angle at a point, in N m/rad.
+fn hinge_slope(mechanism: &Mechanism, point: &State) -> f64 {
+    const HALF_STEP_RAD: f64 = 1e-4;
+    let torque = |crank_rad: f64| {
+        mechanism.hinge_torque(&mechanism.configuration(crank_rad), point.pitch_rad)
+    };
+    let [below, above] = [-HALF_STEP_RAD, HALF_STEP_RAD].map(|h| torque(point.crank_rad + h));
+    (above - below) / (2.0 * HALF_STEP_RAD)
 }
 
 /// From crank to pitch at a point with a prescribed crank, sign turned:

@@ -25,8 +25,11 @@ pub struct ServoModel {
     pub stall_n_m: f64,
     /// Time constant of the position loop, in s: speed asked for is error over this.
     pub loop_s: f64,
-    /// Lag of the motor's speed, in s.
-    pub lag_s: f64,
+    /// Share of a load that the loop makes up for by an error alone: 1 in a proportional loop, 0 in
+    /// one that integrates.
+    pub droop: f64,
+    /// Inertia of motor and gears, referred to the horn, in kg m2. What the horn turns adds to it.
+    pub rotor_kg_m2: f64,
     /// Play of the gears, total, in rad.
     pub backlash_rad: f64,
     /// Travel either side of the middle, in rad.
@@ -60,7 +63,8 @@ impl ServoModel {
         speed_rad_s: std::f64::consts::FRAC_PI_3 / 0.19,
         stall_n_m: 0.40,
         loop_s: 0.030,
-        lag_s: 0.010,
+        droop: 1.0,
+        rotor_kg_m2: 5.3e-5,
         backlash_rad: 0.5 * std::f64::consts::PI / 180.0,
         travel_rad: 65.0 * std::f64::consts::PI / 180.0,
         signal_loss: SignalLoss::Hold,
@@ -76,7 +80,6 @@ impl ServoModel {
         speed_rad_s: std::f64::consts::FRAC_PI_3 / 0.12,
         stall_n_m: 0.8,
         loop_s: 0.015,
-        lag_s: 0.006,
         ..Self::S3003
     };
 
@@ -90,9 +93,9 @@ impl ServoModel {
     /// The first constant out of range, by name.
     pub fn validate(&self) -> Checked {
         positive(&named!(self;
-            centre_us, resolution_us, speed_rad_s, stall_n_m, loop_s, lag_s, travel_rad,
+            centre_us, resolution_us, speed_rad_s, stall_n_m, loop_s, rotor_kg_m2, travel_rad,
         ))?;
-        not_negative(&named!(self; deadband_us, backlash_rad))?;
+        not_negative(&named!(self; deadband_us, droop, backlash_rad))?;
         finite(&named!(self; horn_rad))?;
         if let SignalLoss::Limp { after_s } = self.signal_loss {
             not_negative(&[("after_s", after_s)])?;
@@ -109,12 +112,6 @@ impl ServoModel {
         Self { horn_rad: crank_rad - shaft_rad + error_rad, ..self }
     }
 
-    /// The same servo at a share (above zero) of its supply: speed without load and stall torque of
-    /// a DC motor are proportional to the voltage.
-    pub fn supplied(self, share: f64) -> Self {
-        Self { speed_rad_s: self.speed_rad_s * share, stall_n_m: self.stall_n_m * share, ..self }
-    }
-
     /// Crank angle that a pulse width (us) asks for, in rad, travel and resolution left out.
     pub fn crank_for_width(&self, width_us: f64) -> f64 {
         (width_us - self.centre_us) / self.us_per_rad + self.horn_rad
@@ -125,10 +122,14 @@ impl ServoModel {
         (crank_rad - self.horn_rad) * self.us_per_rad + self.centre_us
     }
 
-    /// Speed that the servo reaches against a load (N m, positive when it opposes the motion), in
-    /// rad/s: nothing beyond the stall torque, and more than without load when the load helps. The
-    /// wash helps a rudder that returns, so that a large command is taken back faster than given.
-    pub fn speed_against(&self, opposing_n_m: f64) -> f64 {
-        self.speed_rad_s * (1.0 - opposing_n_m / self.stall_n_m).max(0.0)
+    /// Time constant of the motor's speed where the horn turns this inertia (kg m2), in s. As in any
+    /// DC motor the torque falls from the stall's to nothing at the speed without load.
+    pub fn lag_s(&self, inertia_kg_m2: f64) -> f64 {
+        (self.rotor_kg_m2 + inertia_kg_m2) * self.yielding()
+    }
+
+    /// Speed by which a motor gives way to each N m, in rad/s per N m, whatever the supply.
+    pub(crate) fn yielding(&self) -> f64 {
+        self.speed_rad_s / self.stall_n_m
     }
 }

@@ -114,6 +114,7 @@ fn follow_one_axis(one_axis: Parameters, axis: usize) {
         let turned = both.tilt_rad();
         let (rates, torques) = (both.rates_rad_s(), both.hinge_torque_n_m());
         let accelerations = both.acceleration_rad_s2(cranks_rad_s2);
+        let (load, planar_load) = (both.crank_loads()[axis], planar.crank_load());
         for (found, expected) in [
             (turned[axis], planar.pitch_rad()),
             (turned[1 - axis], 0.0),
@@ -123,6 +124,8 @@ fn follow_one_axis(one_axis: Parameters, axis: usize) {
             (accelerations[1 - axis], planar.acceleration_rad_s2(cranks_rad_s2[axis])),
             (accelerations[axis], 0.0),
             (torques[axis], planar.hinge_torque_n_m()),
+            (load.torque_n_m, planar_load.torque_n_m),
+            (load.inertia_kg_m2, planar_load.inertia_kg_m2),
             (both.rudder_rad()[axis], planar.rudder_rad()),
         ] {
             assert!((found - expected).abs() < 1e-10, "{axis}, {step}: {found} {expected}");

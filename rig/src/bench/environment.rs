@@ -276,7 +276,7 @@ impl Environment {
                 fault_schedule::switch(&self.bench.faults, what, interval, &mut self.sensor, now);
             }
         }
-        let loads = self.vehicle.hinge_torques_n_m();
+        let loads = self.vehicle.crank_loads();
         let mut cranks = [Crank::default(); Axis::COUNT];
         for ((servo, load), crank) in self.servos.iter_mut().zip(loads).zip(&mut cranks) {
             *crank = servo.advance(now.as_secs_f64(), load);

@@ -3,6 +3,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use plant::rocket::GRAVITY_M_S2;
+use plant::servo::Load;
 use plant::two_axis::TwoAxisDrone;
 use plant::{Crank, Drone};
 use tvc_nano::Axis;
@@ -96,12 +97,12 @@ impl Vehicle {
         }
     }
 
-    /// Torques of wash and gravity on the cranks, N m.
-    pub(super) fn hinge_torques_n_m(&self) -> [f64; Axis::COUNT] {
+    /// What the servos turn. A rocket's gimbal has actuators of its own.
+    pub(super) fn crank_loads(&self) -> [Load; Axis::COUNT] {
         match self {
-            Self::Pivot(drone) => [drone.hinge_torque_n_m(), 0.0],
-            Self::Joint(drone) => drone.hinge_torque_n_m(),
-            Self::Rocket(_) => [0.0; Axis::COUNT],
+            Self::Pivot(drone) => [drone.crank_load(), Load::default()],
+            Self::Joint(drone) => drone.crank_loads(),
+            Self::Rocket(_) => [Load::default(); Axis::COUNT],
         }
     }
 

@@ -95,7 +95,7 @@ fn prescribed_and_free_runs_agree() {
 #[test]
 fn a_pulse_servo_flies_the_reference_loop() {
     let rows = run("seconds = 3.0\n[timing]\nphase_s = \"10 ms\"\n\
-        [start]\npitch_rad = 0.2\npitch_rate_rad_s = 0.2\n\
+        [servo]\ndroop = 0\n[start]\npitch_rad = 0.2\npitch_rate_rad_s = 0.2\n\
         [input]\npulse_servo = { kp = 1.0, kd = 0.3 }");
     // The reference run at 0.2 s and 0.5 s.
     assert!((rows[40].theta0 - 0.160279126).abs() < 3e-3);
