@@ -10,8 +10,8 @@ pub struct Options {
     /// Flash wait states, whatever the firmware writes to NVMCTRL.CTRLB.RWS: to measure what they
     /// cost. None leaves them to the firmware.
     pub wait_states: Option<u8>,
-    /// How long a SYNCBUSY flag stays set after a write to a synchronised register: zero for a
-    /// write that takes effect at once, more to show code that does not wait.
+    /// How long a SYNCBUSY flag stays set after a write to a synchronised register: at most six
+    /// cycles of the peripheral's clock and three of the bus (data sheet 14.3), here of 48 MHz.
     pub syncbusy_hold: Ticks,
     /// Error of the DFLL's frequency with the factory's COARSE and FINE 0x1FF, ppm. Without a
     /// reference such chips run at 46.5 to 48 MHz.
@@ -46,7 +46,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             wait_states: None,
-            syncbusy_hold: Ticks::ZERO,
+            syncbusy_hold: Ticks(9),
             dfll_error_ppm: 0,
             dfll_drift_ppm_s: 0,
             osculp32k_hz: 32_768,

@@ -203,9 +203,10 @@ fn a_pulse_turns_the_servo_and_pitches_the_drone() {
         environment.pin(rise + Ticks::from_us(1723), Wiring::NANO_33_IOT.servos[0], false);
     }
     environment.advance(Ticks::from_ms(500));
-    assert!(
-        (environment.servos[0].crank().angle_rad - environment.servos[0].target_rad()).abs() < 0.01
-    );
+    // The wash turns it back a little.
+    let servo = &environment.servos[0];
+    let short_rad = servo.target_rad() - servo.crank().angle_rad;
+    assert!((0.0..0.06).contains(&short_rad), "{short_rad}");
     assert!(environment.vehicle().rudders_rad()[0] > 0.15);
     // Positive rudder, nose down.
     assert!(environment.vehicle().pitch_rad() < -0.1);

@@ -95,6 +95,9 @@ keys! {
     "wake" = "US", Time(Ticks::from_us(1), 100, |h| &mut h.chip.wake_up);
         "how long the chip takes to wake from sleep, us (0 to 100)";
         "SAM D21 data sheet, wake-up time from IDLE: about 4 us";
+    "synchronise" = "CYCLES", Time(Ticks(1), 480, |h| &mut h.chip.syncbusy_hold);
+        "how many cycles of 48 MHz a synchronised register takes (0 to 480)";
+        "SAM D21 data sheet, 14.3: up to six of the peripheral's clock and three of the bus";
     "host" = "bare|linux|windows|macos",
         Choice(&[("bare", |h| h.chip.host = System::Bare), ("linux", |h| h.chip.host = System::Linux),
                   ("windows", |h| h.chip.host = System::Windows), ("macos", |h| h.chip.host = System::MacOs)]);
