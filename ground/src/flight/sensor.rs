@@ -1,8 +1,8 @@
 //! The sensor that a vehicle at the rig has.
 
+use ::rig::RigConfig;
 use ::rig::bench::{Since, TimedFault};
 use ::rig::bno055::Fault;
-use ::rig::{RigConfig, ServoKind};
 
 use anyhow::Result;
 use clap::Args;
@@ -36,15 +36,6 @@ impl SensorOption {
             });
         }
         Ok(())
-    }
-
-    /// Parameters that differ from the servo's own with this sensor: the LSM6DS3's readings are
-    /// younger, and a digital servo overshoots without a longer look ahead.
-    pub fn parameters(self, servo: ServoKind) -> &'static [(&'static str, f32)] {
-        match (self.sensor, servo) {
-            (Some(Kind::Lsm6ds3), ServoKind::Digital) => &[("SFC_AHEAD_S", 0.0145)],
-            _ => &[],
-        }
     }
 }
 

@@ -75,9 +75,6 @@ fn setup(options: &Fly, vehicle: &Vehicle) -> Result<Setup> {
             .filter(|((_, own), (_, wanted))| own != wanted)
             .map(|(_, (info, value))| (info.name.to_owned(), value))
             .collect();
-    } else {
-        let own = options.sensor.parameters(options.servo).iter();
-        setup.parameters = own.map(|(name, value)| ((*name).to_owned(), *value)).collect();
     }
     if let Some(filter) = options.filter {
         let stored = setup.rig.stored.get_or_insert_default();
