@@ -267,8 +267,8 @@ fn a_hung_loop_is_reset_and_told() {
     station.wait_for_state(rig, ms(6000), StateKind::Standby).unwrap();
 }
 
-/// A wrong jump leads to the start while a pulse is on its way: no pulse is cut or lengthened by the
-/// set-up of the clocks.
+/// A wrong jump leads to the start while a pulse is on its way: the set-up of the clocks neither
+/// cuts nor lengthens it.
 #[test]
 fn a_jump_to_the_start_spoils_no_pulse() {
     for lead_us in [10, 400, 800, 1200] {

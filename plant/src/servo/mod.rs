@@ -14,8 +14,8 @@
 //! ```
 //!
 //! so that it follows late by what it turns, and gives way to a load. A proportional loop holds a
-//! load only beside its target ([`ServoModel::droop`]). Within the deadband motor and gears hold still. The potentiometer sits on the gear
-//! train, so that the play behind it is not corrected.
+//! load only beside its target ([`ServoModel::droop`]). Within the deadband motor and gears hold
+//! still. The potentiometer sits on the gear train, so that the play behind it is not corrected.
 //!
 //! Figures are those of data sheets for the class of servo, or estimates; thermal limits and gear
 //! friction outside the deadband are left out. A supply off its rated voltage scales speed and

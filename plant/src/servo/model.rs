@@ -122,8 +122,8 @@ impl ServoModel {
         (crank_rad - self.horn_rad) * self.us_per_rad + self.centre_us
     }
 
-    /// Time constant of the motor's speed where the horn turns this inertia (kg m2), in s. As in any
-    /// DC motor the torque falls from the stall's to nothing at the speed without load.
+    /// Time constant of the motor's speed where the horn turns this inertia (kg m2), in s. A DC
+    /// motor's torque falls from the stall's to nothing at the speed without load.
     pub fn lag_s(&self, inertia_kg_m2: f64) -> f64 {
         (self.rotor_kg_m2 + inertia_kg_m2) * self.yielding()
     }
