@@ -75,6 +75,6 @@ impl Bus<'_> {
         self.settle(now);
         let stall = self.peripherals.write(now, addr, width, value, self.memory, self.board)?;
         self.usb_host.observe(now, &self.peripherals.usb);
-        Ok(stall)
+        Ok(stall + self.peripherals.bridge_stall(addr))
     }
 }

@@ -78,6 +78,22 @@ fn the_iobus_answers_in_one_cycle() {
     }
 }
 
+/// The cycles of a bridge come on top of an access over it, not of one of the IOBUS or of RAM.
+#[test]
+fn a_bridge_costs_what_the_options_say() {
+    let ends_at = |address, bridge_cycles| {
+        let options = Options { bridge_cycles, ..Options::default() };
+        let mut chip = chip_with(options, &code![ldr(0, 1, 0), str(0, 1, 0), BKPT], &[]);
+        set(&mut chip, 1, address);
+        run_to_breakpoint(&mut chip);
+        chip.now().0
+    };
+    for (address, later) in [(0x4100_4400, 2 * 4), (0x6000_0000, 0), (0x2000_0000, 0)] {
+        let cycle = 48; // Ticks at the 1 MHz of a reset.
+        assert_eq!(ends_at(address, 4.0) - ends_at(address, 0.0), later * cycle, "{address:#x}");
+    }
+}
+
 fn with_wait_states(wait_states: u8, program: &[u16]) -> samd21::Chip {
     let options = Options { wait_states: Some(wait_states), ..Options::default() };
     chip_with(options, program, &[])

@@ -42,6 +42,7 @@ pub const SETTINGS: &[(&str, Ending)] = &[
     ("slow-clock=0.87", Flies),
     ("slow-clock=1.25", Flies),
     ("wake=10", Flies),
+    ("bridge=4", Flies),
     ("synchronise=0", Flies),
     ("synchronise=96", Flies),
     ("host=linux", Flies),

@@ -211,12 +211,20 @@ impl Peripherals {
     /// How long reading at `addr` stalls the bus.
     pub(crate) fn read_stall(&self, addr: u32) -> Ticks {
         let is_count = addr & 0x3FC == tc::COUNT;
-        match is_count.then(|| map::find(addr)).flatten() {
+        let count = match is_count.then(|| map::find(addr)).flatten() {
             Some(Entry { block: Block::Tc(index), .. }) => {
                 Ticks((self.tc[*index].count_stall_cycles() * self.cycle) >> FRACTION)
             }
             _ => Ticks::ZERO,
-        }
+        };
+        count + self.bridge_stall(addr)
+    }
+
+    /// How long an APB bridge stalls the bus for an access at `addr`.
+    pub(crate) fn bridge_stall(&self, addr: u32) -> Ticks {
+        let is_bridged = matches!(addr >> 24, 0x40..=0x42);
+        let cycles = if is_bridged { self.options.bridge_cycles as u64 } else { 0 };
+        Ticks((cycles * self.cycle) >> FRACTION)
     }
 
     /// Writes a register, or, in the address range of the flash, the page buffer. Returns how long
