@@ -13,8 +13,8 @@ pub struct Options {
     /// How long a SYNCBUSY flag stays set after a write to a synchronised register: at most six
     /// cycles of the peripheral's clock and three of the bus (data sheet 14.3), here of 48 MHz.
     pub syncbusy_hold: Ticks,
-    /// Cycles that an access over the APB bridges costs beyond the core's own: an assumption.
-    pub bridge_cycles: f64,
+    /// How long an access over the APB bridges stalls the core: an assumption.
+    pub bridge_stall: Ticks,
     /// Error of the DFLL's frequency with the factory's COARSE and FINE 0x1FF, ppm. Without a
     /// reference such chips run at 46.5 to 48 MHz.
     pub dfll_error_ppm: i32,
@@ -49,7 +49,7 @@ impl Default for Options {
         Self {
             wait_states: None,
             syncbusy_hold: Ticks(9),
-            bridge_cycles: 0.0,
+            bridge_stall: Ticks::ZERO,
             dfll_error_ppm: 0,
             dfll_drift_ppm_s: 0,
             osculp32k_hz: 32_768,

@@ -4,6 +4,7 @@ mod common;
 
 use common::*;
 use samd21::Options;
+use samd21::board::Ticks;
 
 #[test]
 fn every_kind_of_instruction_takes_its_cycles() {
@@ -78,19 +79,19 @@ fn the_iobus_answers_in_one_cycle() {
     }
 }
 
-/// The cycles of a bridge come on top of an access over it, not of one of the IOBUS or of RAM.
+/// The stall of a bridge comes on top of an access over it, not of one of the IOBUS or of RAM.
 #[test]
 fn a_bridge_costs_what_the_options_say() {
-    let ends_at = |address, bridge_cycles| {
-        let options = Options { bridge_cycles, ..Options::default() };
+    let ends_at = |address, bridge_stall| {
+        let options = Options { bridge_stall, ..Options::default() };
         let mut chip = chip_with(options, &code![ldr(0, 1, 0), str(0, 1, 0), BKPT], &[]);
         set(&mut chip, 1, address);
         run_to_breakpoint(&mut chip);
         chip.now().0
     };
-    for (address, later) in [(0x4100_4400, 2 * 4), (0x6000_0000, 0), (0x2000_0000, 0)] {
-        let cycle = 48; // Ticks at the 1 MHz of a reset.
-        assert_eq!(ends_at(address, 4.0) - ends_at(address, 0.0), later * cycle, "{address:#x}");
+    for (address, stalled) in [(0x4100_4400, 2 * 4), (0x6000_0000, 0), (0x2000_0000, 0)] {
+        let later = ends_at(address, Ticks(4)) - ends_at(address, Ticks::ZERO);
+        assert_eq!(later, stalled, "{address:#x}");
     }
 }
 

@@ -42,9 +42,9 @@ pub struct OpenLoop {
     pub servo_loop_s: f64,
     /// The servo motor's lag with what it turns at the point, in s.
     pub servo_lag_s: f64,
-    /// How far the servo gives way to the wash and gravity at the point, rad for each rad that its
-    /// crank has turned.
-    pub servo_droop: f64,
+    /// The servo's target over its crank's angle at rest: more than one where wash and gravity turn
+    /// the crank back.
+    pub servo_stiffness: f64,
     /// Crank to pitch, sign turned so that the loop is one of negative feedback.
     pub drone: TransferFunction,
 }
@@ -118,10 +118,8 @@ impl OpenLoop {
             frame_s: timing.frame_s,
             servo_loop_s: servo.loop_s,
             servo_lag_s: servo.lag_s(at.crank_inertia()),
-            servo_droop: -servo.droop
-                * servo.loop_s
-                * servo.yielding()
-                * hinge_slope(mechanism, point),
+            servo_stiffness: 1.0
+                - servo.droop * servo.loop_s * servo.yielding() * hinge_slope(mechanism, point),
             drone: crank_to_pitch(mechanism, point),
         }
     }
@@ -137,10 +135,10 @@ impl OpenLoop {
         } else {
             (-(-frame).exp() + 1.0) / frame
         };
-        let stiffness = 1.0 + self.servo_droop;
-        let servo =
-            (s * s * self.servo_loop_s * self.servo_lag_s + s * self.servo_loop_s + stiffness)
-                .inv();
+        let servo = (s * s * self.servo_loop_s * self.servo_lag_s
+            + s * self.servo_loop_s
+            + self.servo_stiffness)
+            .inv();
         law * delay * hold * servo * self.drone.at(s)
     }
 
@@ -152,7 +150,7 @@ impl OpenLoop {
         let delay = TransferFunction::delay(self.delay_s + PULSE_S + 0.5 * self.frame_s);
         let servo = TransferFunction::new(
             vec![1.0],
-            vec![self.servo_loop_s * self.servo_lag_s, self.servo_loop_s, 1.0 + self.servo_droop],
+            vec![self.servo_loop_s * self.servo_lag_s, self.servo_loop_s, self.servo_stiffness],
         );
         law.series(&delay).series(&servo).series(&self.drone)
     }

@@ -6,6 +6,5 @@ use plant::ServoModel;
 pub(crate) const S3003: ServoModel = ServoModel { droop: 0.0, ..ServoModel::S3003 };
 
 /// The fast digital one: 6 ms, for which 0.8 N m are too little.
-#[allow(dead_code, reason = "not every test has it")]
 pub(crate) const DIGITAL: ServoModel =
     ServoModel { droop: 0.0, stall_n_m: 1.0, rotor_kg_m2: 1.45e-5, ..ServoModel::DIGITAL };

@@ -222,9 +222,10 @@ impl Peripherals {
 
     /// How long an APB bridge stalls the bus for an access at `addr`.
     pub(crate) fn bridge_stall(&self, addr: u32) -> Ticks {
-        let is_bridged = matches!(addr >> 24, 0x40..=0x42);
-        let cycles = if is_bridged { self.options.bridge_cycles as u64 } else { 0 };
-        Ticks((cycles * self.cycle) >> FRACTION)
+        match addr >> 24 {
+            0x40..=0x42 => self.options.bridge_stall,
+            _ => Ticks::ZERO,
+        }
     }
 
     /// Writes a register, or, in the address range of the flash, the page buffer. Returns how long

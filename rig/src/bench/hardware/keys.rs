@@ -98,8 +98,8 @@ keys! {
     "synchronise" = "CYCLES", Time(Ticks(1), 480, |h| &mut h.chip.syncbusy_hold);
         "how many cycles of 48 MHz a synchronised register takes (0 to 480)";
         "SAM D21 data sheet, 14.3: up to six of the peripheral's clock and three of the bus";
-    "bridge" = "CYCLES", Number(0.0, 8.0, |h| &mut h.chip.bridge_cycles);
-        "how many cycles of the core an access over the APB bridges costs beyond those of the \
+    "bridge" = "CYCLES", Time(Ticks(1), 8, |h| &mut h.chip.bridge_stall);
+        "how many cycles of 48 MHz an access over the APB bridges costs beyond those of its \
          instruction (0 to 8)";
         "estimate: the data sheet gives none; rp2040js charges 1 to 2 for its own chip";
     "host" = "bare|linux|windows|macos",
