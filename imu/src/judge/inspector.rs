@@ -6,7 +6,7 @@
 //! |---|---|---|
 //! | length | another number of bytes than asked for | |
 //! | all zero | acceleration and rates of zero | a sensor that rests shows zeros; live ones have noise |
-//! | vanished | a sensor's three words become 0, or -1, from afar | no body stops so on all axes |
+//! | vanished | accelerations become 0, or a field or accelerations -1, from afar | the earth has both |
 //! | frozen | rates that stand still for several refreshes | noise moves their last bits |
 //! | range | accelerations or rates beyond the sensor's range | sensors clip at their range |
 //! | no field | a field of zero, if the configuration needs a field | the earth has a field |
@@ -15,9 +15,10 @@
 //! had not been refreshed. The next burst shows whether the jump was real: motion stays there or
 //! goes on, and a wrong bit goes back.
 //!
-//! A rate of -1 from afar is held too, because a data line that nobody drives reads 0xFFFF. After a
-//! transfer that failed on the bus, smaller jumps are held: the disturbance of the bus may go on. A
-//! line pulled low while the sensor sends makes zeros, which no other rule sees.
+//! A rate of -1 from afar is held too, because a data line that nobody drives reads 0xFFFF. So are
+//! three rates of 0 from afar, because a line that is pulled low reads 0. A board that was struck
+//! comes to rest with such rates. After a transfer that failed on the bus, smaller jumps are held:
+//! the disturbance of the bus may go on.
 //!
 //! A wrong bit in the midst of a word looks like a motion. Bursts with features that are rare in a
 //! sound burst are [suspect](Evidence::Suspect). After several suspect or refused bursts in a short
@@ -37,9 +38,6 @@ pub const STEP_AGE_US: u64 = 65_000;
 /// For this time after a jump of the accelerations, rates that jump to and fro are those of a board
 /// that was struck and rattles, us.
 const STRUCK_US: u64 = 100_000;
-
-/// Place of the magnetometer among the sensors of a burst.
-const MAG: usize = 1;
 
 /// Accelerometer, magnetometer and gyroscope words of a burst, zero for a sensor that does not run;
 /// in whole machine words: small cores copy words faster.
@@ -189,7 +187,9 @@ impl Inspector {
         if let Some(good) = good {
             let [acc, mag, gyr] = self.ones.look(rules, &good, now, &mut cleared);
             is_suspect |= acc || mag || gyr;
-            if !is_confirmed && (gyr || moved(&good.gyr(), &now.gyr(), jump)) {
+            let [_, _, near] = rules.near;
+            let most = if now.gyr() == [0; 3] { near.min(jump) } else { jump };
+            if !is_confirmed && (gyr || moved(&good.gyr(), &now.gyr(), most)) {
                 self.held = Some(now.gyr());
                 accepted.0[2] = good.gyr();
             }
@@ -258,20 +258,18 @@ fn all_zero(rules: &Rules, Words([acc, mag, gyr]): &Words) -> bool {
     *acc == [0; 3] && *gyr == [0; 3] && (rules.has_acc_and_gyr || *mag == [0; 3])
 }
 
-/// Whether the three words of a sensor have all become 0, or all -1, from farther than
-/// [`Rules::near`]. Then nobody drove the data line, or the sensor has died. A magnetometer may
-/// measure nothing for a while.
-fn vanished(rules: &Rules, Words(good): &Words, Words(now): &Words) -> Option<SensorFault> {
-    let mut sensors = now.iter().zip(good).zip(rules.near).enumerate();
-    sensors.find_map(|(sensor, ((now, good), near))| {
-        let may_be_zero = sensor == MAG || rules.may_rest;
-        let fault = match now {
-            [-1, -1, -1] => SensorFault::AllOnes,
-            [0, 0, 0] if !may_be_zero => SensorFault::Torn,
-            _ => return None,
-        };
-        moved(good, now, near).then_some(fault)
-    })
+/// Whether the accelerations have all become 0 or -1, or the field -1, from farther than
+/// [`Rules::near`]. Then the line was pulled low, or nobody drove it, or the sensor has died. A
+/// magnetometer may measure nothing for a while.
+fn vanished(rules: &Rules, good: &Words, now: &Words) -> Option<SensorFault> {
+    let (Words([good_acc, good_mag, _]), Words([acc, mag, _])) = (good, now);
+    let [acc_near, mag_near, _] = rules.near;
+    let has_left = |good: &[i16; 3], now: &[i16; 3], near| *now == [-1; 3] && moved(good, now, near);
+    if has_left(good_acc, acc, acc_near) || has_left(good_mag, mag, mag_near) {
+        return Some(SensorFault::AllOnes);
+    }
+    let is_torn = !rules.may_rest && *acc == [0; 3] && moved(good_acc, acc, acc_near);
+    is_torn.then_some(SensorFault::Torn)
 }
 
 /// Whether a word is beyond the range and a sixty-fourth of it, or the magnetic field is zero.
