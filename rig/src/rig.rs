@@ -76,6 +76,10 @@ pub enum RigError {
     },
 }
 
+/// The chip's supply, and one below the level of its user row, V.
+pub(crate) const SUPPLY_V: f64 = 3.3;
+const LOW_V: f64 = 1.65;
+
 /// What runs on the chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Running {
@@ -84,6 +88,8 @@ enum Running {
     Start(Ticks),
     /// The bootloader waits for a programmer until the next reset.
     Bootloader,
+    /// The supply is too low for the chip, which is in reset for this reason.
+    Held(ResetCause),
 }
 
 /// Whether a run is to end before the instruction at an address.
@@ -234,13 +240,19 @@ impl Rig {
                 }
                 stop
             }
-            Running::Bootloader => self.chip.hold_until(until, &mut self.environment),
+            Running::Bootloader | Running::Held(_) => {
+                self.chip.hold_until(until, &mut self.environment)
+            }
         }
     }
 
     fn reset(&mut self, cause: ResetCause) {
         self.reset_chip(cause);
-        self.enter_bootloader(cause);
+        if self.chip.is_held_in_reset() {
+            self.running = Running::Held(cause);
+        } else {
+            self.enter_bootloader(cause);
+        }
     }
 
     fn reset_chip(&mut self, cause: ResetCause) {
@@ -270,9 +282,23 @@ impl Rig {
         self.reset(ResetCause::External);
     }
 
-    /// The supply dips below the chip's brown-out level, which is still enough for the sensor.
+    /// The chip's supply goes to `volts`, 1.6 to 3.6, which is still enough for the sensor. Below
+    /// the level that the firmware has set for its detector, the chip is reset; below that of its
+    /// user row it stays so.
+    pub fn set_supply(&mut self, volts: f64) {
+        if self.chip.set_supply(volts) {
+            self.reset(ResetCause::BrownOut33);
+        } else if let Running::Held(cause) = self.running
+            && !self.chip.is_held_in_reset()
+        {
+            self.enter_bootloader(cause);
+        }
+    }
+
+    /// The supply dips below the chip's brown-out level for a moment.
     pub fn brown_out(&mut self) {
-        self.reset(ResetCause::BrownOut33);
+        self.set_supply(LOW_V);
+        self.set_supply(SUPPLY_V);
     }
 
     /// Flips a bit of a register; `false` if the model has no such bit.
@@ -478,6 +504,22 @@ pub(crate) mod tests {
         rig.power_cycle();
         rig.run_for(ms(1)).unwrap();
         assert!(!rig.in_bootloader());
+    }
+
+    /// The user row's level is 1.68 to 1.75 V.
+    #[test]
+    fn a_low_supply_holds_the_chip_in_reset() {
+        let mut rig = Rig::new(&counter(), &RigConfig::default()).unwrap();
+        rig.run_for(ms(10)).unwrap();
+        rig.set_supply(1.70);
+        assert!(rig.resets().is_empty());
+        rig.set_supply(1.65);
+        rig.run_for(ms(700)).unwrap();
+        assert!(rig.in_bootloader());
+        rig.set_supply(3.3);
+        rig.run_for(ms(501)).unwrap();
+        assert!(!rig.in_bootloader());
+        assert_eq!(rig.resets().len(), 1);
     }
 
     /// A later setting that can change would bring the refused address along.

@@ -28,6 +28,9 @@ pub struct Options {
     pub crystal: bool,
     /// How long the core takes to wake from sleep.
     pub wake_up: Ticks,
+    /// SysTick stands still while the core sleeps. The data sheet's table 16-4 stops the CPU's clock
+    /// in IDLE 0; users' programs that count by SysTick say that it goes on.
+    pub systick_stops: bool,
     /// The user row, which sets watchdog, brown-out detector and protection at every reset.
     pub user_row: UserRow,
     /// How long erasing and writing flash take, relative to the data sheet's longest times; whole
@@ -56,6 +59,7 @@ impl Default for Options {
             osculp32k_phase: Ticks::ZERO,
             crystal: false,
             wake_up: Ticks::ZERO,
+            systick_stops: false,
             user_row: UserRow::SHIPPED,
             flash_time: 1.0,
             crc_word_cycles: 4.0,

@@ -68,6 +68,18 @@ impl Chip {
         self.peripherals.set_slow_oscillator(now, hz);
     }
 
+    /// The supply of the chip goes to `volts`, 1.6 to 3.6. `true` if the brown-out detector resets
+    /// the chip, which the caller then does.
+    pub fn set_supply(&mut self, volts: f64) -> bool {
+        let now = self.now();
+        self.peripherals.set_supply(now, (volts * 1e3).round() as u32)
+    }
+
+    /// Whether the brown-out detector holds the chip in reset.
+    pub fn is_held_in_reset(&self) -> bool {
+        self.peripherals.is_held_in_reset()
+    }
+
     /// Whether the CPU has no clock.
     pub fn is_stopped(&self) -> bool {
         self.peripherals.is_stopped()

@@ -340,6 +340,26 @@ fn a_brown_out_is_latched() {
     assert!(station.last_text().unwrap().contains("brown-out"));
 }
 
+/// The firmware's level is some 2.77 V falling: below it the chip is reset once, and above it is not.
+/// A supply that stays low does not reset it again.
+#[test]
+fn the_supply_resets_the_chip_below_the_firmwares_level_once() {
+    let standby = ready();
+    let resets_at = |volts: f64| {
+        let mut fork = standby.clone();
+        let Ready { rig, station, .. } = &mut fork;
+        rig.set_supply(volts);
+        station.run(rig, ms(1500)).unwrap();
+        let at_low = rig.resets().len();
+        rig.set_supply(3.3);
+        station.run(rig, ms(500)).unwrap();
+        assert_eq!(rig.resets().len(), at_low);
+        assert!(!rig.in_bootloader());
+        at_low
+    };
+    assert_eq!([3.0, 2.80, 2.75, 2.0].map(resets_at), [0, 0, 1, 1]);
+}
+
 /// The record of a crash outlives the bootloader, which uses RAM of its own, and not the power.
 #[test]
 fn a_hard_fault_is_told_after_the_reset() {

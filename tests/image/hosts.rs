@@ -128,6 +128,41 @@ fn one_that_sets_parameters_out_of_range() {
 }
 
 #[test]
+fn one_that_resets_the_bus_aborts_requests_and_misses_acknowledgements() {
+    assert_undisturbed(|millisecond, rig| {
+        let host = &mut rig.chip.usb_host;
+        host.lose_acknowledgement();
+        match millisecond % 500 {
+            0 => host.reset_bus(),
+            // While it is enumerated anew.
+            1..60 if millisecond % 3 == 0 => {
+                host.abort_request();
+            }
+            _ => {}
+        }
+    });
+}
+
+/// Every frame arrives once.
+#[test]
+fn one_that_misses_acknowledgements_loses_no_frame() {
+    let flight = in_flight();
+    let attitudes = |loses: bool| {
+        let mut fork = flight.clone();
+        let Ready { rig, station, .. } = &mut fork;
+        station.begin_measurement();
+        for _ in 0..2000 {
+            if loses {
+                rig.chip.usb_host.lose_acknowledgement();
+            }
+            station.run(rig, ms(1)).unwrap();
+        }
+        station.received().attitudes.len()
+    };
+    assert_eq!(attitudes(true), attitudes(false));
+}
+
+#[test]
 fn one_that_is_unplugged_in_mid_frame() {
     let mut station = Wire::default();
     let frame = station.frame(&request::DISARM.message());

@@ -264,7 +264,8 @@ fn all_zero(rules: &Rules, Words([acc, mag, gyr]): &Words) -> bool {
 fn vanished(rules: &Rules, good: &Words, now: &Words) -> Option<SensorFault> {
     let (Words([good_acc, good_mag, _]), Words([acc, mag, _])) = (good, now);
     let [acc_near, mag_near, _] = rules.near;
-    let has_left = |good: &[i16; 3], now: &[i16; 3], near| *now == [-1; 3] && moved(good, now, near);
+    let has_left =
+        |good: &[i16; 3], now: &[i16; 3], near| *now == [-1; 3] && moved(good, now, near);
     if has_left(good_acc, acc, acc_near) || has_left(good_mag, mag, mag_near) {
         return Some(SensorFault::AllOnes);
     }

@@ -1,6 +1,6 @@
 //! The settings that are flown, each with how it should end.
 
-use super::row::Ending::{self, Flies, Late, Refused, Skips, Unsettled};
+use super::row::Ending::{self, Fails, Flies, Late, Refused, Skips, Unsettled};
 
 /// What `--hardware` would be given, and how flights with it should end.
 ///
@@ -43,6 +43,7 @@ pub const SETTINGS: &[(&str, Ending)] = &[
     ("slow-clock=1.25", Flies),
     ("wake=10", Flies),
     ("bridge=4", Flies),
+    ("systick=stops", Fails),
     ("synchronise=0", Flies),
     ("synchronise=96", Flies),
     ("host=linux", Flies),

@@ -15,7 +15,7 @@ use crate::rig::ProgramEnd;
 use crate::sensor_motion::SensorMotion;
 
 /// The words of each action, and what happens.
-pub const HELP: [(&str, &str); 20] = [
+pub const HELP: [(&str, &str); 21] = [
     ("state", "nothing; the answer tells how the rig is"),
     (
         "tilt RAD",
@@ -49,6 +49,7 @@ pub const HELP: [(&str, &str); 20] = [
     ("reset", "the reset button"),
     ("power-cycle", "the power of chip and sensor is cut for a moment; faults stay"),
     ("brown-out", "the supply dips below the chip's brown-out level"),
+    ("supply V", "the chip's supply goes to V, 1.6 to 3.6; it begins with 3.3"),
     ("program hang|hard-fault|stack-overflow", "the run of the firmware ends badly"),
     ("store spoil|erase", "the stored parameters cannot be read any more, or are gone"),
     ("usb out|in", "the cable is pulled, and put in again"),
@@ -58,6 +59,8 @@ pub const HELP: [(&str, &str); 20] = [
 const TILT_RAD: RangeInclusive<f64> = -1.5..=1.5;
 /// Impulses, N m s, and torques, N m.
 const PUSH: RangeInclusive<f64> = -1.0..=1.0;
+/// Supply of the chip, V.
+const SUPPLY: RangeInclusive<f64> = 1.6..=3.6;
 /// Lengths of a gust, s.
 const GUST_S: RangeInclusive<f64> = 0.01..=60.0;
 
@@ -94,8 +97,10 @@ pub enum Action {
     Reset,
     /// The power is cut for a moment.
     PowerCycle,
-    /// A dip of the supply.
+    /// A dip of the chip's supply.
     BrownOut,
+    /// The chip's supply, V.
+    Supply(f64),
     /// A bad end of the program.
     Program(ProgramEnd),
     /// Stored parameters that cannot be read, or, if true, are gone.
@@ -145,6 +150,7 @@ impl FromStr for Action {
             ("reset", []) => Self::Reset,
             ("power-cycle", []) => Self::PowerCycle,
             ("brown-out", []) => Self::BrownOut,
+            ("supply", [volts]) => Self::Supply(number(volts, SUPPLY)?),
             ("program", ["hang"]) => Self::Program(ProgramEnd::Hang),
             ("program", ["hard-fault"]) => Self::Program(ProgramEnd::HardFault),
             ("program", ["stack-overflow"]) => Self::Program(ProgramEnd::StackOverflow),

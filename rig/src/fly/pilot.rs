@@ -231,6 +231,7 @@ impl Pilot {
             Action::Reset => rig.press_reset(),
             Action::PowerCycle => rig.power_cycle(),
             Action::BrownOut => rig.brown_out(),
+            Action::Supply(volts) => rig.set_supply(*volts),
             Action::Program(_) if rig.in_bootloader() => {
                 return Err("the bootloader runs, not the firmware".into());
             }

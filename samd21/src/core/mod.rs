@@ -106,6 +106,8 @@ pub(crate) struct Core {
     slept: bool,
     /// How long it takes to wake.
     wake_up: u64,
+    /// SysTick stands still in sleep.
+    systick_stops: bool,
     /// The fault in which the core has locked up.
     pub(crate) lockup: Option<Fault>,
     lockup_reported: bool,
@@ -149,6 +151,7 @@ impl Core {
         Self {
             cycle,
             wake_up: parts(options.wake_up),
+            systick_stops: options.systick_stops,
             forced_wait_states: options.wait_states,
             flash_lines: [u32::MAX; FLASH_LINES],
             ..Self::default()
@@ -171,6 +174,7 @@ impl Core {
             trail: self.trail,
             branches: self.branches,
             wake_up: self.wake_up,
+            systick_stops: self.systick_stops,
             stuck_lines: self.stuck_lines,
             profile: self.profile.take(),
             ..Self::new(&Options::default(), self.cycle)
@@ -282,7 +286,11 @@ impl Core {
             if let Some(sleep) = self.sleep {
                 if !self.wakes(sleep) {
                     self.slept = true;
+                    let began = self.now;
                     self.sleep_until(self.next_event(bus, until));
+                    if self.systick_stops {
+                        self.systick.pause(self.now - began);
+                    }
                     continue;
                 }
                 self.sleep = None;

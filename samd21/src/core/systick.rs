@@ -1,7 +1,7 @@
 //! The system timer (ARM DDI 0419, B3.3): a 24-bit down-counter of CPU cycles.
 //!
 //! It is computed from the time at which it next reaches zero; it goes on counting while the
-//! core sleeps, as on this chip in its IDLE modes.
+//! core sleeps, unless the options stop it.
 //!
 //! | register | behaviour |
 //! |---|---|
@@ -60,6 +60,11 @@ impl SysTick {
         if self.zero_at != u64::MAX {
             self.zero_at = now + self.cycles_left(now, old) * new;
         }
+    }
+
+    /// It has stood still for a time.
+    pub(super) fn pause(&mut self, time: u64) {
+        self.zero_at = self.zero_at.saturating_add(time);
     }
 
     /// Reads CSR: COUNTFLAG is cleared.

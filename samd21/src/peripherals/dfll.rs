@@ -87,6 +87,11 @@ impl Dfll {
         self.deviation(now).abs() < EXACT
     }
 
+    /// Whether FINE is at an end of its range.
+    pub(super) fn is_at_limit(&self) -> bool {
+        self.fine <= 0.0 || self.fine >= FINE_LAST
+    }
+
     /// Finds COARSE and FINE of 48 MHz, as the closed loop does before it locks.
     pub(super) fn lock(&mut self, now: Ticks) {
         self.fine = FINE_MIDDLE;

@@ -28,6 +28,7 @@
 
 mod access;
 mod adc;
+mod bod33;
 mod clock;
 mod counter;
 mod dfll;
@@ -424,6 +425,17 @@ impl Peripherals {
         self.disturb(now, |sysctrl| sysctrl.osculp32k_hz = hz);
     }
 
+    /// See [`Chip::set_supply`](crate::Chip::set_supply).
+    pub(crate) fn set_supply(&mut self, now: Ticks, mv: u32) -> bool {
+        self.disturb(now, |sysctrl| sysctrl.bod33.set_supply(mv));
+        self.pending_reset.take_if(|cause| *cause == ResetCause::BrownOut33).is_some()
+    }
+
+    /// Whether the brown-out detector holds the chip in reset.
+    pub(crate) fn is_held_in_reset(&self) -> bool {
+        self.sysctrl.bod33.holds_reset()
+    }
+
     /// See [`Chip::flip_register`](crate::Chip::flip_register).
     pub(crate) fn flip(&mut self, now: Ticks, addr: u32, bit: u8, board: &mut dyn Board) -> bool {
         let Ok(entry) = self.locate(addr) else {
@@ -482,6 +494,9 @@ impl Peripherals {
     pub(crate) fn refresh(&mut self, now: Ticks) {
         if self.wdt.take_bite() {
             self.pending_reset = Some(ResetCause::Watchdog);
+        }
+        if self.sysctrl.bod33.take_reset() {
+            self.pending_reset = Some(ResetCause::BrownOut33);
         }
         let mut next = self.sysctrl.next(now).min(self.nvmctrl.next(now));
         next = next.min(self.eic.next_sample).min(self.usb.next());

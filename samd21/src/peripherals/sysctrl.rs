@@ -10,23 +10,24 @@
 //! | 20 | OSC8M | 8 MHz / 2^PRESC, on from reset |
 //! | 24, 28, 2C | DFLLCTRL, DFLLVAL, DFLLMUL | about 48 MHz when enabled (`dfll`); locks as below |
 //! | 30 | DFLLSYNC | READREQ brings what the DFLL uses into DFLLVAL; until then it reads as before |
-//! | 34 | BOD33 | from the user row at reset; ready at once while enabled; the supply is good |
+//! | 34 | BOD33 | from the user row at reset; ready at once while enabled (`bod33`) |
 //! | 3C, 40 | VREG, VREF | stored |
 //!
 //! The DFLL runs 6 us after it is enabled (open loop needs no reference). In closed loop LCKC and
 //! LCKF follow 500 us after the reference (GCLK 0) is there, with 48 MHz; with USBCRM, after 8
-//! start-of-frame packets at 48 MHz. The value stays when the packets end. Touching DFLLVAL or
+//! start-of-frame packets at 48 MHz. The value stays when the packets end, and DFLLRCS is set;
+//! DFLLOOB is set while FINE is at an end of its range. Touching DFLLVAL or
 //! DFLLMUL with ONDEMAND set freezes the real chip (errata 9905): that faults.
 //!
 //! | left out | why |
 //! |---|---|
 //! | XOSC, DPLL | not modelled: an access faults |
 //! | frequency errors of OSC8M and OSC32K | nothing that is timed runs from them |
-//! | brown-out | supply voltage is not modelled |
 //! | ONDEMAND, RUNSTDBY | clocks that nobody asks for cost nothing here |
 
 use super::ResetCause;
 use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
+use super::bod33::Bod33;
 use super::clock::Rate;
 use super::dfll::Dfll;
 use super::interrupts::Interrupts;
@@ -49,6 +50,9 @@ const DFLLRDY: u32 = 1 << 4;
 const DFLLLCKF: u32 = 1 << 6;
 const DFLLLCKC: u32 = 1 << 7;
 const BOD33RDY: u32 = 1 << 9;
+const DFLLOOB: u32 = 1 << 5;
+const DFLLRCS: u32 = 1 << 8;
+const BOD33DET: u32 = 1 << 10;
 const B33SRDY: u32 = 1 << 11;
 
 /// Start-up of the DFLL (electrical characteristics, typical).
@@ -57,6 +61,9 @@ const DFLL_STARTUP: Ticks = Ticks::from_us(6);
 const DFLL_LOCK: Ticks = Ticks::from_us(500);
 /// Start-of-frame packets until USB clock recovery has locked.
 const RECOVERY_FRAMES: u8 = 8;
+/// Without a start-of-frame packet for this time, the DFLL's reference has stopped: an assumption,
+/// since the data sheet gives none.
+const REFERENCE_LOST: Ticks = Ticks::from_ms(3);
 /// How often a drifting frequency is worked out anew.
 const DRIFT_STEP: Ticks = Ticks::from_ms(100);
 /// OSC32K.STARTUP to cycles of the oscillator.
@@ -78,7 +85,7 @@ pub(crate) struct Sysctrl {
     dfllval: u32,
     pub(crate) dfll: Dfll,
     dfllmul: u32,
-    bod33: u32,
+    pub(crate) bod33: Bod33,
     vreg: u32,
     vref: u32,
     xosc32k_ready: Ticks,
@@ -86,6 +93,8 @@ pub(crate) struct Sysctrl {
     dfll_ready: Ticks,
     dfll_locked: Ticks,
     frames_until_lock: u8,
+    /// The newest start-of-frame packet that the DFLL has seen.
+    last_frame: Ticks,
     /// When a drifting frequency is next worked out.
     next_drift: Ticks,
     pub(crate) osculp32k_hz: u32,
@@ -100,7 +109,7 @@ impl Sysctrl {
             dfll: Dfll::new(error, drift, DFLL_COARSE),
             next_drift: Ticks::NEVER,
             osculp32k_hz: options.osculp32k_hz,
-            bod33: options.user_row.bod33(),
+            bod33: Bod33::new(options.user_row.bod33()),
             interrupts: Interrupts::of(Block::Sysctrl),
             xosc32k: 0x80,
             crystal: options.crystal,
@@ -121,7 +130,11 @@ impl Sysctrl {
     /// the supply (data sheet, reset controller, effects of the different resets). The options
     /// hold the rate of OSCULP32K, also one that it has come to since power-on.
     pub(crate) fn after_reset(&self, options: &Options, cause: ResetCause) -> Self {
-        let fresh = Self { dfll: self.dfll.after_reset(), ..Self::new(options) };
+        let fresh = Self {
+            dfll: self.dfll.after_reset(),
+            bod33: self.bod33.after_reset(options.user_row.bod33()),
+            ..Self::new(options)
+        };
         match cause {
             ResetCause::External | ResetCause::Watchdog | ResetCause::System => Self {
                 xosc32k: self.xosc32k,
@@ -170,7 +183,7 @@ impl Sysctrl {
                 self.dfll_stopped = !self.dfll_stopped;
             }
             0x28 if bit < 16 => self.dfll.load(self.dfll.value() ^ mask),
-            0x34 => self.bod33 ^= mask,
+            0x34 => self.bod33.write(self.bod33.register ^ mask),
             _ => return false,
         }
         true
@@ -188,6 +201,7 @@ impl Sysctrl {
         if !self.recovers_from_usb() || now < self.dfll_ready {
             return false;
         }
+        self.last_frame = now;
         let before = self.dfll.rate(now);
         let exact = self.dfll.regulate(now, self.dfllmul >> 16 & 0x3FF);
         if exact && self.frames_until_lock > 0 {
@@ -204,16 +218,29 @@ impl Sysctrl {
         self.dfllctrl & needed == needed
     }
 
+    /// Whether the reference that the DFLL follows has stopped.
+    fn has_lost_frames(&self, now: Ticks) -> bool {
+        self.has_frames() && now.saturating_sub(self.last_frame) >= REFERENCE_LOST
+    }
+
+    /// Whether the DFLL follows start-of-frame packets, of which the first has come.
+    fn has_frames(&self) -> bool {
+        self.recovers_from_usb() && self.last_frame > Ticks::ZERO
+    }
+
     fn status(&self, now: Ticks) -> u32 {
         let flags = [
             (B33SRDY, true),
-            (BOD33RDY, self.bod33 & ENABLE != 0),
+            (BOD33RDY, self.bod33.is_enabled()),
+            (BOD33DET, self.bod33.is_low()),
             (XOSC32KRDY, now >= self.xosc32k_ready),
             (OSC32KRDY, now >= self.osc32k_ready),
             (OSC8MRDY, self.osc8m & ENABLE != 0),
             // Ready for the next register write: also while the DFLL is off.
             (DFLLRDY, self.dfllctrl & ENABLE == 0 || now >= self.dfll_ready),
+            (DFLLOOB, self.has_frames() && self.dfll.is_at_limit()),
             (DFLLLCKF | DFLLLCKC, now >= self.dfll_locked),
+            (DFLLRCS, self.has_lost_frames(now)),
         ];
         flags.into_iter().filter(|(_, is_set)| *is_set).fold(0, |status, (flag, _)| status | flag)
     }
@@ -241,7 +268,7 @@ impl Sysctrl {
             0x28 => self.dfllval,
             0x2C => self.dfllmul,
             0x30 => 0,
-            0x34 => self.bod33,
+            0x34 => self.bod33.register,
             0x3C => self.vreg,
             0x40 => self.vref,
             _ => return Err(name(offset)),
@@ -278,7 +305,7 @@ impl Sysctrl {
                     self.dfllval = self.dfll.value();
                 }
             }
-            0x34 => self.bod33 = lanes.merge(self.bod33),
+            0x34 => self.bod33.write(lanes.merge(self.bod33.register)),
             0x3C => self.vreg = lanes.merge(self.vreg),
             0x40 => self.vref = lanes.merge(self.vref),
             _ => return Err(name(offset)),
@@ -318,6 +345,7 @@ impl Sysctrl {
             }
         }
         self.frames_until_lock = RECOVERY_FRAMES;
+        self.last_frame = Ticks::ZERO;
         self.dfll_locked =
             if value & DFLL_CLOSED_LOOP != 0 && value & DFLL_USB_RECOVERY == 0 && reference {
                 bus.now + DFLL_LOCK
@@ -405,7 +433,14 @@ mod tests {
         for frame in 0..u64::from(RECOVERY_FRAMES) {
             sysctrl.start_of_frame(Ticks::from_ms(20 + frame));
         }
-        assert_eq!(status(&sysctrl, 28_000) & DFLLLCKF, DFLLLCKF);
+        assert_eq!(status(&sysctrl, 28_000) & (DFLLLCKF | DFLLRCS | DFLLOOB), DFLLLCKF);
+        // The frames end: the value stays.
+        assert_eq!(status(&sysctrl, 31_000) & (DFLLLCKF | DFLLRCS), DFLLLCKF | DFLLRCS);
+        sysctrl.dfll.shift(200_000.0);
+        for frame in 0..100 {
+            sysctrl.start_of_frame(Ticks::from_ms(40 + frame));
+        }
+        assert_eq!(status(&sysctrl, 139_000) & (DFLLRCS | DFLLOOB), DFLLOOB);
     }
 
     #[test]

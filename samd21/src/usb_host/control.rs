@@ -117,6 +117,20 @@ enum Outcome {
 }
 
 impl Host {
+    /// Gives up the request on endpoint 0 behind its SETUP, and makes it anew: the next SETUP comes
+    /// where the device expects data or status (USB 2.0, 5.5.5). `false` if there is none.
+    pub fn abort_request(&mut self) -> bool {
+        let is_begun = |transfer: &mut Transfer| !transfer.is_setup();
+        let Some(transfer) = self.session.transfer.take_if(is_begun) else {
+            return false;
+        };
+        self.quiet_until = Ticks::ZERO;
+        if transfer.request != Request::Remote {
+            self.session.requests.push_front(transfer.request);
+        }
+        true
+    }
+
     /// The transaction on endpoint 0 ends.
     pub(super) fn advance_control(&mut self, now: Ticks, usb: &mut Usb, memory: &mut Memory) {
         let Some(mut transfer) = self.session.transfer.take() else {
@@ -175,7 +189,7 @@ impl Host {
                 usb.output(address, 0, transfer.toggle, chunk, memory)
             }
             Stage::StatusOut => usb.output(address, 0, true, &[], memory),
-            Stage::DataIn | Stage::StatusIn => match usb.input(address, 0, memory) {
+            Stage::DataIn | Stage::StatusIn => match usb.input(address, 0, true, memory) {
                 Ok((bytes, toggle)) => return transfer.take(&bytes, toggle, size),
                 Err(refused) => Err(refused),
             },

@@ -19,7 +19,7 @@
 //! | left out | why |
 //! |---|---|
 //! | remote wake-up, power | the host wakes when it wants to |
-//! | bit errors | the cable is good |
+//! | bit errors but lost acknowledgements | the cable is good |
 //! | other classes, isochronous endpoints, hubs | the device has one serial port |
 
 mod control;
@@ -132,9 +132,21 @@ pub struct Host {
     received: Vec<u8>,
     to_send: VecDeque<u8>,
     errors: Vec<HostError>,
+    acknowledgement: Acknowledgement,
     statistics: Statistics,
     /// A driver elsewhere has the device.
     remote: Option<Remote>,
+}
+
+/// What becomes of the handshake of a bulk packet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Acknowledgement {
+    #[default]
+    Comes,
+    /// That of the next packet does not.
+    IsLost,
+    /// The host has a packet whose acknowledgement the device has not: it comes once more.
+    WasLost,
 }
 
 /// The state that lasts from one bus reset to the next.
@@ -224,6 +236,20 @@ impl Host {
             self.quiet_until = Ticks::ZERO;
             self.session.requests.extend(requests);
         }
+    }
+
+    /// Resets the bus with the cable in, and enumerates the device anew. What is queued is lost.
+    pub fn reset_bus(&mut self) {
+        if self.phase == Phase::Frames {
+            self.attempts = 0;
+            self.reset_at_once();
+        }
+    }
+
+    /// The acknowledgement of the next bulk packet is lost on the wire (USB 2.0, 8.6.4).
+    pub fn lose_acknowledgement(&mut self) {
+        self.quiet_until = Ticks::ZERO;
+        self.acknowledgement = Acknowledgement::IsLost;
     }
 
     /// Falls asleep: the bus idles, and the device is to suspend.
@@ -384,6 +410,7 @@ impl Host {
         self.quiet_until = Ticks::ZERO;
         self.attempts = 0;
         self.session = Session::default();
+        self.acknowledgement = Acknowledgement::Comes;
         self.remote = None;
     }
 }

@@ -4,7 +4,7 @@
 
 use super::request::Request;
 use super::transaction::{Pipe, PipeState};
-use super::{Host, Phase};
+use super::{Acknowledgement, Host, Phase};
 use crate::board::Ticks;
 use std::collections::VecDeque;
 use thiserror::Error;
@@ -178,11 +178,12 @@ impl Host {
         }
     }
 
-    fn reset_at_once(&mut self) {
+    pub(super) fn reset_at_once(&mut self) {
         self.to_send.clear();
         self.received.clear();
         self.quiet_until = Ticks::ZERO;
         self.session.transaction = None;
+        self.acknowledgement = Acknowledgement::Comes;
         self.phase = Phase::Debounce;
         self.due = Ticks::ZERO;
     }

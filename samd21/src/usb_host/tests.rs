@@ -496,3 +496,47 @@ fn a_host_that_sleeps_suspends_the_device_and_goes_on_after_it() {
     assert_eq!(device.host().errors(), []);
     assert_eq!(device.host().statistics().enumerations, 1);
 }
+
+#[test]
+fn a_lost_acknowledgement_loses_and_doubles_no_byte() {
+    let mut device = Device::configured();
+    let sent: Vec<u8> = (0..1000u32).map(|byte| (byte * 7) as u8).collect();
+    device.host().write(&sent);
+    for _ in 0..100 {
+        device.host().lose_acknowledgement();
+        device.run(Ticks::from_us(600));
+    }
+    assert_eq!(device.got, sent);
+    assert_eq!(device.host().read(), sent);
+    assert_eq!(device.host().errors(), []);
+}
+
+#[test]
+fn a_bus_reset_with_the_cable_in_enumerates_anew() {
+    let mut device = Device::configured();
+    let resets = device.resets;
+    device.host().reset_bus();
+    device.run(Ticks::from_ms(100));
+    assert!(device.host().is_configured());
+    assert_eq!((device.resets, device.host().statistics().enumerations), (resets + 1, 2));
+    assert_eq!(device.host().errors(), []);
+}
+
+#[test]
+fn a_request_that_is_aborted_is_made_anew() {
+    let mut device = Device::new(Ticks::ZERO);
+    let mut aborted = 0;
+    for step in 0..3000 {
+        device.run(Ticks::from_us(100));
+        if step % 4 == 0 {
+            aborted += usize::from(device.host().abort_request());
+        }
+    }
+    assert!(aborted > 2, "{aborted}");
+    assert!(device.host().is_configured());
+    assert_eq!(device.host().errors(), []);
+    let requests = device.requests.len();
+    let mut calm = Device::new(Ticks::ZERO);
+    calm.run(Ticks::from_ms(300));
+    assert_eq!(requests, calm.requests.len() + aborted);
+}

@@ -3,7 +3,7 @@
 use super::control::Transfer;
 use super::remote::{Remote, UrbError};
 use super::request::Request;
-use super::{BYTE, Host, HostError, RETRY};
+use super::{Acknowledgement, BYTE, Host, HostError, RETRY};
 use crate::board::Ticks;
 use crate::memory::Memory;
 use crate::peripherals::usb::{Refused, Usb};
@@ -158,12 +158,13 @@ impl Host {
         if transaction.is_nak {
             usb.nak(number, is_in);
         }
+        let is_lost = self.acknowledgement == Acknowledgement::IsLost;
         match pipe {
             Pipe::Control if transaction.is_nak => self.delay_control(now),
             Pipe::Control => self.advance_control(now, usb, memory),
             Pipe::Interrupt => {
                 if !transaction.is_nak
-                    && let Ok((bytes, toggle)) = usb.input(address, number, memory)
+                    && let Ok((bytes, toggle)) = usb.input(address, number, true, memory)
                 {
                     self.pipe(pipe).toggle = !toggle;
                     if let Some(remote) = &mut self.remote {
@@ -178,8 +179,13 @@ impl Host {
                 self.statistics.naks += 1;
                 self.pipe(pipe).ready = now + RETRY;
             }
-            Pipe::BulkIn => match usb.input(address, number, memory) {
+            Pipe::BulkIn => match usb.input(address, number, !is_lost, memory) {
                 Ok((bytes, toggle)) => {
+                    let was_lost = self.acknowledgement == Acknowledgement::WasLost;
+                    self.acknowledgement = match is_lost {
+                        true => Acknowledgement::WasLost,
+                        false => Acknowledgement::Comes,
+                    };
                     self.statistics.packets_in += 1;
                     if bytes.len() > usize::from(size) {
                         self.errors.push(HostError::TooLong);
@@ -189,7 +195,7 @@ impl Host {
                             remote.take(pipe, &bytes, size.into());
                         }
                         self.received.extend(bytes);
-                    } else {
+                    } else if !was_lost {
                         self.errors.push(HostError::WrongToggle);
                     }
                 }
@@ -199,6 +205,7 @@ impl Host {
             Pipe::BulkOut => {
                 let toggle = self.pipe(pipe).toggle;
                 match usb.output(address, number, toggle, &bytes, memory) {
+                    Ok(()) if is_lost => self.acknowledgement = Acknowledgement::Comes,
                     Ok(()) => {
                         self.pipe(pipe).toggle = !toggle;
                         self.to_send.drain(..bytes.len());

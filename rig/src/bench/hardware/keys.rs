@@ -95,6 +95,11 @@ keys! {
     "wake" = "US", Time(Ticks::from_us(1), 100, |h| &mut h.chip.wake_up);
         "how long the chip takes to wake from sleep, us (0 to 100)";
         "SAM D21 data sheet, wake-up time from IDLE: about 4 us";
+    "systick" = "runs|stops",
+        Choice(&[("runs", |h| h.chip.systick_stops = false), ("stops", |h| h.chip.systick_stops = true)]);
+        "whether SysTick counts while the chip sleeps";
+        "SAM D21 data sheet, table 16-4: IDLE 0 stops the CPU's clock; programs that count by \
+         SysTick say that it goes on";
     "synchronise" = "CYCLES", Time(Ticks(1), 480, |h| &mut h.chip.syncbusy_hold);
         "how many cycles of 48 MHz a synchronised register takes (0 to 480)";
         "SAM D21 data sheet, 14.3: up to six of the peripheral's clock and three of the bus";

@@ -15,7 +15,7 @@ use super::frames::{frame, valid_frame};
 use super::judge::Blame;
 use crate::fly::flight::{FlightError, Ready};
 use crate::named_enum::named_enum;
-use crate::rig::{ProgramEnd, Rig};
+use crate::rig::{ProgramEnd, Rig, SUPPLY_V};
 
 named_enum! {
     /// A kind of fault beyond the sensor.
@@ -82,6 +82,9 @@ named_enum! {
     UsbReplug = "usb-replug",
     /// The host suspends the bus and wakes it.
     UsbSuspend = "usb-suspend",
+    /// The host resets the bus with the cable in, makes requests anew before they have ended, and
+    /// misses acknowledgements.
+    UsbErrors = "usb-errors",
     /// The host sends valid frames at random: any command, any parameter, any value.
     UsbFrames = "usb-frames",
     /// Two or three of the others at once.
@@ -253,8 +256,12 @@ impl SystemFault {
                 flip_flash(rig, address + dice.random_range(0..4), dice.random_range(0..8))
             }
             SystemKind::BrownOut => {
-                rig.brown_out();
-                "the supply dips".into()
+                let volts = dice.random_range(1.6..2.7);
+                let us = 10_f64.powf(dice.random_range(1.0..4.3));
+                rig.set_supply(volts);
+                rig.run_for(Ticks::from_us(us as u64))?;
+                rig.set_supply(SUPPLY_V);
+                format!("the supply dips to {volts:.2} V for {us:.0} us")
             }
             SystemKind::ResetButton => {
                 rig.press_reset();
@@ -270,6 +277,7 @@ impl SystemFault {
             SystemKind::UsbStall => "nothing is read".into(),
             SystemKind::UsbReplug => "out and in".into(),
             SystemKind::UsbSuspend => "asleep and awake".into(),
+            SystemKind::UsbErrors => "resets, aborted requests, lost acknowledgements".into(),
             SystemKind::UsbFrames => "valid frames at random".into(),
             SystemKind::Several => {
                 let mut resets = 0;
@@ -320,6 +328,17 @@ impl SystemFault {
                     10 => rig.chip.usb_host.resume(),
                     _ => {}
                 },
+                SystemKind::UsbErrors => {
+                    let host = &mut rig.chip.usb_host;
+                    host.lose_acknowledgement();
+                    // Of some requests alone, so that others end.
+                    if dice.random_bool(0.3) {
+                        host.abort_request();
+                    }
+                    if millisecond % 200 == 100 {
+                        host.reset_bus();
+                    }
+                }
                 SystemKind::UsbFrames => rig.usb_write(&valid_frame(dice)),
                 _ => {}
             }

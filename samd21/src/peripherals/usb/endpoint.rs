@@ -289,11 +289,13 @@ impl Usb {
         Ok(())
     }
 
-    /// IN: the bytes, and whether they come as DATA1; the host acknowledges them.
+    /// IN: the bytes, and whether they come as DATA1. Where the host's acknowledgement is lost, the
+    /// next IN gives the same once more.
     pub(crate) fn input(
         &mut self,
         device: u8,
         number: u8,
+        is_acknowledged: bool,
         memory: &mut Memory,
     ) -> Answer<(Vec<u8>, bool)> {
         let index = usize::from(number);
@@ -315,13 +317,16 @@ impl Usb {
         let start = bank.address.wrapping_add(sent);
         let bytes = memory.bytes(start, length as usize).map(<[u8]>::to_vec);
         let bytes = self.in_memory(bytes)?;
+        let toggle = self.endpoints[index].status & DTGLIN != 0;
+        if !is_acknowledged {
+            return Ok((bytes, toggle));
+        }
         let sent = sent + length;
         let zero_packet = length == bank.size() && bank.pcksize & AUTO_ZLP != 0;
         let complete = sent >= total && !zero_packet;
         bank.set_counts(total, if complete { 0 } else { sent });
         self.in_memory(bank.store(memory))?;
         let endpoint = &mut self.endpoints[index];
-        let toggle = endpoint.status & DTGLIN != 0;
         endpoint.status ^= DTGLIN;
         if complete {
             endpoint.status &= !BK1RDY;

@@ -107,15 +107,15 @@ fn in_sends_a_long_transfer_in_packets_with_a_zero_packet_if_asked() {
         memory.write_u32(BASE + 2 * 32 + 20, pcksize).unwrap();
         let source = memory.ram_bytes_mut(0x2000_1A00, 128).unwrap();
         source.iter_mut().zip(0..).for_each(|(byte, n)| *byte = n);
-        assert_eq!(usb.input(0, 2, &mut memory), Err(Refused::Nak));
+        assert_eq!(usb.input(0, 2, true, &mut memory), Err(Refused::Nak));
         assert_eq!(flags(&usb, 2), 0x08);
         put(&mut usb, 2, 1, 0x80);
         let packet = |from: u8, toggle| Ok(((from..from + 64).collect(), toggle));
-        assert_eq!(usb.input(0, 2, &mut memory), packet(0, false));
+        assert_eq!(usb.input(0, 2, true, &mut memory), packet(0, false));
         assert_eq!(status(&usb, 2) & 0x80, 0x80);
-        assert_eq!(usb.input(0, 2, &mut memory), packet(64, true));
+        assert_eq!(usb.input(0, 2, true, &mut memory), packet(64, true));
         if zero_packet {
-            assert_eq!(usb.input(0, 2, &mut memory), Ok((vec![], false)));
+            assert_eq!(usb.input(0, 2, true, &mut memory), Ok((vec![], false)));
         }
         assert_eq!(status(&usb, 2) & 0x80, 0);
         assert_eq!(flags(&usb, 2) & 0x02, 0x02);
@@ -133,7 +133,7 @@ fn a_driver_that_writes_byte_count_alone_sends_one_packet_after_the_other() {
         memory.write_u32(pcksize, others | count).unwrap();
         put(&mut usb, 2, 1, 0x80);
         let sent = b"abc"[..count as usize].to_vec();
-        assert_eq!(usb.input(0, 2, &mut memory), Ok((sent, toggle)));
+        assert_eq!(usb.input(0, 2, true, &mut memory), Ok((sent, toggle)));
         assert_eq!(status(&usb, 2) & 0x80, 0);
     }
 }
@@ -143,11 +143,11 @@ fn stall_answers_both_ways_until_a_setup() {
     let (mut usb, mut memory) = ready();
     config(&mut usb, 0, 0x11);
     put(&mut usb, 0, 1, 0x30);
-    assert_eq!(usb.input(0, 0, &mut memory), Err(Refused::Stall));
+    assert_eq!(usb.input(0, 0, true, &mut memory), Err(Refused::Stall));
     assert_eq!(usb.output(0, 0, true, &[], &mut memory), Err(Refused::Stall));
     assert_eq!(flags(&usb, 0), 0x60);
     assert_eq!(usb.setup(0, 0, [0; 8], &mut memory), Ok(()));
-    assert_eq!(usb.input(0, 0, &mut memory), Err(Refused::Nak));
+    assert_eq!(usb.input(0, 0, true, &mut memory), Err(Refused::Nak));
 }
 
 #[test]
