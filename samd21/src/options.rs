@@ -28,8 +28,8 @@ pub struct Options {
     pub crystal: bool,
     /// How long the core takes to wake from sleep.
     pub wake_up: Ticks,
-    /// SysTick stands still while the core sleeps. The data sheet's table 16-4 stops the CPU's clock
-    /// in IDLE 0; users' programs that count by SysTick say that it goes on.
+    /// SysTick stands still while the core sleeps. In IDLE 0 the CPU's clock stops (data sheet,
+    /// table 16-4); programs that count by SysTick show that it goes on.
     pub systick_stops: bool,
     /// The user row, which sets watchdog, brown-out detector and protection at every reset.
     pub user_row: UserRow,

@@ -340,7 +340,7 @@ fn a_brown_out_is_latched() {
     assert!(station.last_text().unwrap().contains("brown-out"));
 }
 
-/// The firmware's level is some 2.77 V falling: below it the chip is reset once, and above it is not.
+/// The firmware's level is some 2.77 V falling: below it the chip is reset once, above it never.
 /// A supply that stays low does not reset it again.
 #[test]
 fn the_supply_resets_the_chip_below_the_firmwares_level_once() {
