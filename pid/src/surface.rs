@@ -85,8 +85,8 @@ pub struct SurfaceConfig {
 /// effect.
 ///
 /// ```text
-/// speed    = speed + a (clamp((target - actuator) / loop) - speed)       a = T / (lag + T)
-/// actuator = actuator + T speed,  position = position within actuator +- play
+/// speed    = clamp(speed + a (clamp((target - actuator) / loop) - speed))  a = T / (lag + T)
+/// actuator = clamp(actuator + T speed),  position = position within actuator +- play
 /// rate, value: integrals of gain (position + disturbance), shifted by shares of the innovations
 /// disturbance = disturbance + rate_share trim / gain * innovation of the rate
 ///
@@ -208,6 +208,10 @@ impl<T: Scalar> Surface<T> {
         let target = self.target(state, 0);
         let before = state.position;
         self.c.sample.turn(target, &mut state.actuator, &mut state.speed);
+        // What an actuator can do: from a wrong position far off, the model would take minutes.
+        let (most, limit) = (self.c.sample.most, self.c.limit);
+        state.speed = state.speed.clamped(-most, most);
+        state.actuator = state.actuator.clamped(-limit, limit);
         state.position = self.c.within_play(state.position, state.actuator);
         let mean = before + (state.position - before).half();
         let change = self.c.rate_step * (mean + state.disturbance);

@@ -22,17 +22,21 @@ pub(crate) fn request() {
 }
 
 /// Sleep until an interrupt [asks](request), unless one has asked already.
+///
+/// Interrupts are not held off in sleep, as WFI would need it: a wrong jump from there into a loop
+/// that waits could never end.
 pub(crate) fn sleep() {
     cortex_m::interrupt::disable();
-    // SAFETY: they are held off.
-    if !take(unsafe { CriticalSection::new() }) {
+    if !REQUESTED.load(Ordering::Relaxed) {
         sleep_on_exit(SLEEPONEXIT);
-        // An interrupt ends it although they are held off, and runs when they no longer are.
-        cortex_m::asm::wfi();
     }
     // SAFETY: as before it. Nobody calls this from within a critical section.
     unsafe { cortex_m::interrupt::enable() };
-    // Where the sleep is over, one has asked.
+    // An interrupt that asks in front of WFE is an event, with which WFE does not sleep (ARMv6-M
+    // Architecture Reference Manual, B1.5.18).
+    while !REQUESTED.load(Ordering::Relaxed) {
+        cortex_m::asm::wfe();
+    }
     REQUESTED.store(false, Ordering::Relaxed);
 }
 

@@ -38,9 +38,20 @@ fn config() -> SurfaceConfig {
 /// Flies `value'' = 31.6 (actuator + push)` from `start` for three seconds: the values, sample by
 /// sample. The servo takes a new target 8 ms after every third sample.
 fn fly<T: Scalar>(config: &SurfaceConfig, start: f64, push: f64) -> Vec<f64> {
+    fly_upset::<T>(config, start, push, &|_, _| {})
+}
+
+/// The same, where `upset` may change the law's state before each sample.
+fn fly_upset<T: Scalar>(
+    config: &SurfaceConfig,
+    start: f64,
+    push: f64,
+    upset: &dyn Fn(u32, &mut SurfaceState<T>),
+) -> Vec<f64> {
     const FINE: i32 = 100;
     let dt = PERIOD / f64::from(FINE);
-    let mut law = Controller::<T, Surface<T>>::new(config).unwrap();
+    let law = Surface::<T>::new(config).unwrap();
+    let mut state = SurfaceState::default();
     let (mut value, mut rate, mut actuator, mut speed) = (start, 0.0_f64, 0.0_f64, 0.0_f64);
     let (mut target, mut sent, mut wait) = (0.0_f64, 0.0, i32::MAX);
     (0..SAMPLES)
@@ -52,7 +63,8 @@ fn fly<T: Scalar>(config: &SurfaceConfig, start: f64, push: f64) -> Vec<f64> {
                 age: Some(T::ZERO),
                 value_lead: T::ZERO,
             };
-            let output: f32 = law.read(T::ZERO, &reading, is_sent).into();
+            upset(sample, &mut state);
+            let output: f32 = law.update(&mut state, T::ZERO, &reading, is_sent).into();
             if is_sent {
                 (sent, wait) = (f64::from(output), (8.0e-3 / dt) as i32);
             }
@@ -98,6 +110,25 @@ fn holds_against_a_steady_push() {
     let mean = last.iter().sum::<f64>() / last.len() as f64;
     let most = last.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
     assert!(mean.abs() < 1e-3 && most < 7e-3, "{mean} {most}");
+}
+
+/// A number of the state becomes as large as can be: a flipped bit of what it follows from.
+#[test]
+fn a_number_that_is_wrong_is_forgotten() {
+    for number in 0..SurfaceState::<Q16>::NUMBERS {
+        let path = fly_upset::<Q16>(&config(), 0.2, 0.0, &|sample, state| {
+            if sample == 200 {
+                let mut numbers = Vec::new();
+                state.tell(&mut |each| numbers.push(each));
+                numbers[number] = 8_191.0.into();
+                let mut next = numbers.into_iter();
+                *state = State::told(&mut || next.next().unwrap());
+            }
+        });
+        let most = path[200..].iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+        let last = path.last().unwrap().abs();
+        assert!(most < 0.15 && last < 0.01, "number {number}: up to {most}, in the end {last}");
+    }
 }
 
 #[test]
