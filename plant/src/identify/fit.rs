@@ -28,7 +28,8 @@ const MODEL: f64 = 2.0;
 const INDEPENDENT: f64 = 0.05;
 
 /// The unknowns that all records share: offsets from the nominal setup, the first three of the
-/// logarithm. Behind them lie pitch and rate at the start of each record.
+/// logarithm. Behind them lie pitch and rate at the start of each record, and how long after its
+/// first reading that is: a release comes at any time.
 pub(super) const SHARED: usize = 5;
 pub(super) const THRUST: usize = 0;
 pub(super) const INERTIA: usize = 1;
@@ -36,15 +37,15 @@ pub(super) const SPEED: usize = 2;
 const DELAY: usize = 3;
 const HORN: usize = 4;
 /// Unknowns of a record.
-const OWN: usize = 2;
+const OWN: usize = 3;
 
 /// Prior standard deviations: shares for thrust, inertia and speed; s; rad. Those of a start are
-/// rad and rad/s.
+/// rad, rad/s and s.
 pub(super) const PRIOR: [f64; SHARED] = [0.4, 0.5, 0.5, 0.010, 0.03];
-const START_PRIOR: [f64; OWN] = [0.05, 0.2];
+const START_PRIOR: [f64; OWN] = [0.05, 0.2, 0.005];
 /// Steps of the differences: wide enough to average over play and deadband.
 const DIFFERENCE: [f64; SHARED] = [0.01, 0.01, 0.01, 0.5e-3, 2e-3];
-const START_DIFFERENCE: [f64; OWN] = [1e-3, 2e-3];
+const START_DIFFERENCE: [f64; OWN] = [1e-3, 2e-3, 0.5e-3];
 
 /// Differences between a record and the model: pitch and rate of each reading.
 type Residuals = Vec<[f64; 2]>;
@@ -174,7 +175,7 @@ impl<'a> Fit<'a> {
         let own = SHARED + OWN * run;
         let (pitch, rate) = (first.pitch_rad + x[own], first.rate_rad_s + x[own + 1]);
         let delay = setup.timing.delay_s;
-        let start_s = first.time_s;
+        let start_s = first.time_s + x[own + 2];
         let mut drone = Drone::new(&setup.drone, pitch, rate).ok()?.with_tether_stop(f64::INFINITY);
         let mut pulses = pulses.iter().copied().peekable();
 
@@ -184,13 +185,15 @@ impl<'a> Fit<'a> {
         while let Some((edge, width)) = pulses.next_if(|(edge, _)| *edge < start_s) {
             servo.pulse(edge.max(start_s - SETTLE_S), width);
         }
-        let crank = servo.advance(start_s, Load { torque_n_m: 0.0, ..drone.crank_load() });
+        let held = Load { torque_n_m: drone.hinge_torque_n_m(), ..drone.crank_load() };
+        let crank = servo.advance(start_s, held);
         drone.place_crank(crank.angle_rad);
 
         let mut residuals = Vec::with_capacity(readings.len());
         let mut last = [drone.pitch_rad(), drone.rate_rad_s()];
         let mut steps = 0_u64;
-        for reading in readings.iter().take_while(|r| r.time_s <= start_s + self.horizon_s) {
+        let end_s = first.time_s + self.horizon_s;
+        for reading in readings.iter().take_while(|reading| reading.time_s <= end_s) {
             let seen = reading.time_s - delay;
             let mut now = start_s + steps as f64 * STEP_S;
             while now < seen {
@@ -205,15 +208,13 @@ impl<'a> Fit<'a> {
             }
             let part = ((now - seen) / STEP_S).clamp(0.0, 1.0);
             let ahead = [drone.pitch_rad(), drone.rate_rad_s()];
-            // What the sensor showed before the release is the start itself.
-            let model = [0, 1].map(|i| {
-                if seen < start_s {
-                    [pitch, rate][i]
-                } else {
-                    ahead[i] + part * (last[i] - ahead[i])
-                }
-            });
-            let residual = [reading.pitch_rad - model[0], reading.rate_rad_s - model[1]];
+            let [pitch_then, rate_then] = [0, 1].map(|i| ahead[i] + part * (last[i] - ahead[i]));
+            let residual = if seen < start_s {
+                // The pitch is that of the start; a clamp lets it have no rate.
+                [reading.pitch_rad - pitch, 0.0]
+            } else {
+                [reading.pitch_rad - pitch_then, reading.rate_rad_s - rate_then]
+            };
             if !residual.iter().all(|r| r.is_finite()) {
                 return None;
             }

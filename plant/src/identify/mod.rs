@@ -2,8 +2,8 @@
 //!
 //! The pulses of a record drive the model of servo and drone. The search moves the parameters until
 //! the model's pitch and rate, seen through the sensor's delay, match the record. Each record has
-//! its own pitch and rate at the start, which are estimated along, as is the horn's fitting: the
-//! drone integrates their errors twice.
+//! its own pitch and rate at the start and its own time of the release, which are estimated along,
+//! as is the horn's fitting: the drone integrates their errors twice.
 //!
 //! Each parameter starts from the nominal setup with a prior spread. A standard deviation near
 //! [`Estimate::prior`] means that the records do not show the parameter. Above all they show the
