@@ -21,10 +21,11 @@
 //! the disturbance of the bus may go on.
 //!
 //! A wrong bit in the midst of a word looks like a motion. Bursts with features that are rare in a
-//! sound burst are [suspect](Evidence::Suspect): one of them is a single bit that changes while the
-//! rest of a sensor's words stand still, since a motion and a refresh change them all. After several suspect or refused bursts in a short
-//! time, the driver sets the chip up anew. A board that was struck [rattles](Evidence::Rattle): its
-//! rates jump to and fro while its accelerations jump, which counts less.
+//! sound burst are [suspect](Evidence::Suspect). One is a single bit that changes while another
+//! word of the sensor stands still: a motion and a refresh change all words. After several suspect
+//! or refused bursts in a short time, the driver sets the chip up anew. A board that was struck
+//! [rattles](Evidence::Rattle): its rates jump to and fro while its accelerations jump, which counts
+//! less.
 //!
 //! A vibration crosses -1 often. The next burst tells such a crossing, which clears the suspicion,
 //! from a word that comes back. A field has no range and no limit to its jumps: a magnet that
