@@ -24,7 +24,7 @@
 //! sound burst are [suspect](Evidence::Suspect). One is a single bit that changes while another
 //! word of the sensor stands still: a motion and a refresh change all words. After several suspect
 //! or refused bursts in a short time, the driver sets the chip up anew. A board that was struck
-//! [rattles](Evidence::Rattle): its rates jump to and fro while its accelerations jump, which counts
+//! [rattles](Evidence::Rattle): its rates jump to and fro while its accelerations jump. That counts
 //! less.
 //!
 //! A vibration crosses -1 often. The next burst tells such a crossing, which clears the suspicion,
