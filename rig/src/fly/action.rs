@@ -213,6 +213,7 @@ mod tests {
                 "gust" => "0.05,0.3",
                 "fault" => "spikes",
                 "vibration" | "servo-supply" | "thrust-ramp" | "temperature" => "off",
+                "supply" => "3.3",
                 "clear" => "all",
                 "hardware" => "stretch=300",
                 _ => usage.split(' ').nth(1).unwrap_or_default(),
