@@ -21,11 +21,9 @@
 //! the disturbance of the bus may go on.
 //!
 //! A wrong bit in the midst of a word looks like a motion. Bursts with features that are rare in a
-//! sound burst are [suspect](Evidence::Suspect). One is a single bit that changes while another
-//! word of the sensor stands still: a motion and a refresh change all words. After several suspect
-//! or refused bursts in a short time, the driver sets the chip up anew. A board that was struck
-//! [rattles](Evidence::Rattle): its rates jump to and fro while its accelerations jump. That counts
-//! less.
+//! sound burst are [suspect](Evidence::Suspect). After several suspect or refused bursts in a short
+//! time, the driver sets the chip up anew. A board that was struck [rattles](Evidence::Rattle): its
+//! rates jump to and fro while its accelerations jump, which counts less.
 //!
 //! A vibration crosses -1 often. The next burst tells such a crossing, which clears the suspicion,
 //! from a word that comes back. A field has no range and no limit to its jumps: a magnet that
@@ -188,7 +186,7 @@ impl Inspector {
         let mut cleared = false;
         if let Some(good) = good {
             let [acc, mag, gyr] = self.ones.look(rules, &good, now, &mut cleared);
-            is_suspect |= acc || mag || gyr || last.is_some_and(|last| has_wrong_bit(&last, now));
+            is_suspect |= acc || mag || gyr;
             let [_, _, near] = rules.near;
             let most = if now.gyr() == [0; 3] { near.min(jump) } else { jump };
             if !is_confirmed && (gyr || moved(&good.gyr(), &now.gyr(), most)) {
@@ -285,20 +283,6 @@ fn out_of_range(rules: &Rules, Words([acc, mag, gyr]): &Words) -> bool {
     beyond(acc, rules.acc_range)
         || beyond(gyr, rules.gyr_range)
         || rules.needs_mag && *mag == [0; 3]
-}
-
-/// Whether single bits of a sensor's words have changed, one of them far above their noise, while
-/// another word stands still.
-fn has_wrong_bit(Words(last): &Words, Words(now): &Words) -> bool {
-    /// Bits 4 to 15.
-    const LARGE: u32 = 0xFFF0;
-    last.iter().zip(now).any(|(last, now)| {
-        let mut pairs = last.iter().zip(now);
-        let [x, y, z] = [(); 3].map(|()| pairs.next().map_or(0, |(l, n)| (l ^ n) as u16 as u32));
-        let stands = x == 0 || y == 0 || z == 0;
-        let is_bit = |change: u32| change & change.wrapping_sub(1) == 0;
-        (x | y | z) & LARGE != 0 && stands && is_bit(x) && is_bit(y) && is_bit(z)
-    })
 }
 
 /// Words of -1: what a data line shows that nobody drives, and what motion passes.
