@@ -108,7 +108,7 @@ fn frozen_data_are_seen_within_70_ms() {
 }
 
 #[test]
-fn all_ones_are_a_gap_and_a_gyroscope_that_vanishes_is_torn() {
+fn all_ones_are_a_gap_and_an_accelerometer_that_vanishes_is_torn() {
     let mut rig = Rig::flying(Config::default());
     rig.chip.on_wire(|register, bytes| {
         if register == 0x22 {

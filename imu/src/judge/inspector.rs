@@ -188,7 +188,8 @@ impl Inspector {
             let [acc, mag, gyr] = self.ones.look(rules, &good, now, &mut cleared);
             is_suspect |= acc || mag || gyr;
             let [_, _, near] = rules.near;
-            let most = if now.gyr() == [0; 3] { near.min(jump) } else { jump };
+            let is_zero = now.gyr() == [0; 3] && !rules.may_rest;
+            let most = if is_zero { near.min(jump) } else { jump };
             if !is_confirmed && (gyr || moved(&good.gyr(), &now.gyr(), most)) {
                 self.held = Some(now.gyr());
                 accepted.0[2] = good.gyr();

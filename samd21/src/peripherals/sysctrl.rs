@@ -16,8 +16,8 @@
 //! The DFLL runs 6 us after it is enabled (open loop needs no reference). In closed loop LCKC and
 //! LCKF follow 500 us after the reference (GCLK 0) is there, with 48 MHz; with USBCRM, after 8
 //! start-of-frame packets at 48 MHz. The value stays when the packets end, and DFLLRCS is set;
-//! DFLLOOB is set while FINE is at an end of its range. Touching DFLLVAL or
-//! DFLLMUL with ONDEMAND set freezes the real chip (errata 9905): that faults.
+//! DFLLOOB is set while FINE is at an end of its range. Touching DFLLVAL or DFLLMUL with ONDEMAND
+//! set freezes the real chip (errata 9905): that faults.
 //!
 //! | left out | why |
 //! |---|---|
@@ -47,11 +47,11 @@ const XOSC32KRDY: u32 = 1 << 1;
 const OSC32KRDY: u32 = 1 << 2;
 const OSC8MRDY: u32 = 1 << 3;
 const DFLLRDY: u32 = 1 << 4;
+const DFLLOOB: u32 = 1 << 5;
 const DFLLLCKF: u32 = 1 << 6;
 const DFLLLCKC: u32 = 1 << 7;
-const BOD33RDY: u32 = 1 << 9;
-const DFLLOOB: u32 = 1 << 5;
 const DFLLRCS: u32 = 1 << 8;
+const BOD33RDY: u32 = 1 << 9;
 const BOD33DET: u32 = 1 << 10;
 const B33SRDY: u32 = 1 << 11;
 
