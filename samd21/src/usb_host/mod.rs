@@ -246,10 +246,13 @@ impl Host {
         }
     }
 
-    /// The acknowledgement of the next bulk packet is lost on the wire (USB 2.0, 8.6.4).
+    /// The acknowledgement of the next bulk packet is lost on the wire (USB 2.0, 8.6.4), unless one
+    /// has been lost whose packet is still to come again.
     pub fn lose_acknowledgement(&mut self) {
-        self.quiet_until = Ticks::ZERO;
-        self.acknowledgement = Acknowledgement::IsLost;
+        if self.acknowledgement == Acknowledgement::Comes {
+            self.quiet_until = Ticks::ZERO;
+            self.acknowledgement = Acknowledgement::IsLost;
+        }
     }
 
     /// Falls asleep: the bus idles, and the device is to suspend.
