@@ -206,9 +206,66 @@ fn words_of_ones_are_suspect_where_the_sensor_was_elsewhere() {
         // A word that stays at -1 is suspect once.
         assert_eq!(suspects(&[REST, ones, ones, REST]), [false, true, false, false]);
     }
-    for (word, near) in [(0, 199), (4, 79), (7, -65)] {
+    for (word, near) in [(0, 199), (4, 79), (7, -64)] {
         let burst = |value| with(&[(word, value)]);
         assert_eq!(suspects(&[burst(near), burst(-1)]), [false; 2], "{word}");
+    }
+}
+
+/// A spike that is refused counts once.
+#[test]
+fn words_that_go_back_behind_a_refused_burst_are_sound() {
+    let beyond = with(&[(0, REST[0] ^ i16::MIN)]);
+    let mut inspector = Inspector::default();
+    let mut judge = |ms: u64, burst: [i16; 9]| {
+        let time = Micros(1_000 * ms);
+        judge(&mut inspector, &Config::default(), time, &bytes(burst), false)
+            .map(|judged| judged.evidence)
+    };
+    assert_eq!(judge(0, REST), Ok(Evidence::Sound));
+    assert_eq!(judge(7, beyond), Err(SensorFault::Implausible));
+    assert_eq!(judge(14, REST), Ok(Evidence::Sound));
+}
+
+#[test]
+fn a_field_of_which_a_single_bit_changed_is_held_for_one_burst() {
+    let base = with(&[(3, 32), (4, 64)]);
+    let flipped = with(&[(3, 32), (4, 64 + 1024)]);
+    let mut inspector = Inspector::default();
+    let mut judge = |tick: u64, burst: [i16; 9]| {
+        let time = Micros(7_000 * tick);
+        let judged = judge(&mut inspector, &Config::default(), time, &bytes(burst), false).unwrap();
+        (judged.sample.mag[1], judged.evidence == Evidence::Suspect)
+    };
+    let seen = (0..).zip([base, flipped, base, flipped, flipped, base]);
+    let seen: Vec<_> = seen.map(|(tick, burst)| judge(tick, burst)).collect();
+    let (held, real) = ((64, true), (1088, false));
+    assert_eq!(seen, [(64, false), held, (64, false), held, real, (1088, true)]);
+}
+
+/// A refresh changes the noise of every word, and a motion changes most.
+#[test]
+fn single_bits_that_change_while_a_word_stands_still_are_suspect() {
+    // Of each sensor: one bit, two words with a bit each; not three words, bits of the noise, or a
+    // change of two bits.
+    for first in [0, 3, 6] {
+        let base = with(&[(first, 32), (first + 1, 64), (first + 2, 128)]);
+        let burst = |x, y, z| {
+            let mut burst = base;
+            (burst[first], burst[first + 1], burst[first + 2]) = (x, y, z);
+            burst
+        };
+        let cases = [
+            (burst(48, 64, 128), true),
+            (burst(32, 64, 128 + 1024), true),
+            (burst(48, 64, 128 + 1), true),
+            (burst(32, 65, 128), false),
+            (burst(48, 65, 129), false),
+            (burst(32, 64 + 24, 128), false),
+        ];
+        for (after, is_suspect) in cases {
+            assert_eq!(suspects(&[base, after]), [false, is_suspect], "{after:?}");
+        }
     }
 }
 

@@ -18,12 +18,14 @@
 //! A rate of -1 from afar is held too, because a data line that nobody drives reads 0xFFFF. So are
 //! three rates of 0 from afar, because a line that is pulled low reads 0. A board that was struck
 //! comes to rest with such rates. After a transfer that failed on the bus, smaller jumps are held:
-//! the disturbance of the bus may go on.
+//! the disturbance of the bus may go on. A field of which a single bit changed is held as well.
 //!
 //! A wrong bit in the midst of a word looks like a motion. Bursts with features that are rare in a
-//! sound burst are [suspect](Evidence::Suspect). After several suspect or refused bursts in a short
-//! time, the driver sets the chip up anew. A board that was struck [rattles](Evidence::Rattle): its
-//! rates jump to and fro while its accelerations jump, which counts less.
+//! sound burst are [suspect](Evidence::Suspect). One is a single bit that changes while another
+//! word of the sensor stands still: a motion and a refresh change them all. After several suspect
+//! or refused bursts in a short time, the driver sets the chip up anew. A board that was struck
+//! [rattles](Evidence::Rattle): its rates jump to and fro while its accelerations jump, which
+//! counts less.
 //!
 //! A vibration crosses -1 often. The next burst tells such a crossing, which clears the suspicion,
 //! from a word that comes back. A field has no range and no limit to its jumps: a magnet that
@@ -48,6 +50,10 @@ pub struct Words(pub [[i16; 3]; 3]);
 impl Words {
     const fn acc(&self) -> [i16; 3] {
         self.0[0]
+    }
+
+    const fn mag(&self) -> [i16; 3] {
+        self.0[1]
     }
 
     const fn gyr(&self) -> [i16; 3] {
@@ -187,6 +193,15 @@ impl Inspector {
         if let Some(good) = good {
             let [acc, mag, gyr] = self.ones.look(rules, &good, now, &mut cleared);
             is_suspect |= acc || mag || gyr;
+            if !rules.may_rest {
+                is_suspect |= has_wrong_bit(&good.acc(), &now.acc());
+                is_suspect |= has_wrong_bit(&good.gyr(), &now.gyr());
+                let field_changed = last.is_some_and(|last| last.mag() != now.mag());
+                if field_changed && has_wrong_bit(&good.mag(), &now.mag()) {
+                    is_suspect = true;
+                    accepted.0[1] = good.mag();
+                }
+            }
             let [_, _, near] = rules.near;
             let is_zero = now.gyr() == [0; 3] && !rules.may_rest;
             let most = if is_zero { near.min(jump) } else { jump };
@@ -284,6 +299,18 @@ fn out_of_range(rules: &Rules, Words([acc, mag, gyr]): &Words) -> bool {
     beyond(acc, rules.acc_range)
         || beyond(gyr, rules.gyr_range)
         || rules.needs_mag && *mag == [0; 3]
+}
+
+/// Whether single bits of a sensor's words have changed since the last good burst, one of them far
+/// above their noise, while another word stands still.
+fn has_wrong_bit(good: &[i16; 3], now: &[i16; 3]) -> bool {
+    /// Bits 4 to 15.
+    const LARGE: u32 = 0xFFF0;
+    let mut pairs = good.iter().zip(now);
+    let [x, y, z] = [(); 3].map(|()| pairs.next().map_or(0, |(l, n)| (l ^ n) as u16 as u32));
+    let stands = x == 0 || y == 0 || z == 0;
+    let is_bit = |change: u32| change & change.wrapping_sub(1) == 0;
+    (x | y | z) & LARGE != 0 && stands && is_bit(x) && is_bit(y) && is_bit(z)
 }
 
 /// Words of -1: what a data line shows that nobody drives, and what motion passes.
