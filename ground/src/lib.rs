@@ -18,6 +18,8 @@ pub mod flight;
 pub mod image;
 pub mod logs;
 mod renamed;
+#[cfg(all(test, unix))]
+mod script;
 pub mod shell;
 pub mod signals;
 pub mod vehicle;

@@ -125,18 +125,13 @@ mod tests {
     /// A program that says it is bossac of a version and keeps what it is started with.
     #[cfg(unix)]
     fn stand_in(folder: &Path, version: &str, status: u8) {
-        use std::os::unix::fs::PermissionsExt;
-
-        let program = folder.join("bossac");
         let text = format!(
-            "#!/bin/sh\n\
-             if [ \"$1\" = --help ]; then echo '(BOSSA) Version {version}'; exit 1; fi\n\
+            "if [ \"$1\" = --help ]; then echo '(BOSSA) Version {version}'; exit 1; fi\n\
              cd \"$(dirname \"$0\")\" && echo \"$@\" > started\n\
              for file; do :; done; cat \"$file\" > written\n\
              exit {status}\n"
         );
-        std::fs::write(&program, text).unwrap();
-        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+        crate::script::write(&folder.join("bossac"), &text);
     }
 
     #[cfg(unix)]

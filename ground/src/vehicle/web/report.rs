@@ -84,15 +84,13 @@ impl Drop for Running {
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
+    use crate::script;
     use std::cell::Cell;
-    use std::os::unix::fs::PermissionsExt;
 
     /// A program that does this with LOG and PAGE.
     fn program(folder: &Path, script: &str) -> std::path::PathBuf {
         let path = folder.join("program");
-        let text = format!("#!/bin/sh\nLOG=$2 PAGE=$4\n{script}\n");
-        std::fs::write(&path, text).unwrap();
-        std::fs::set_permissions(&path, PermissionsExt::from_mode(0o755)).unwrap();
+        script::write(&path, &format!("LOG=$2 PAGE=$4\n{script}"));
         path
     }
 
