@@ -112,7 +112,7 @@ def the_loop(flight, tick_cycles, stack):
          f"{stack['worst_bytes']:,} of {stack['room_bytes']:,} bytes ({stack['share_pct']:.1f} %)", "60 %"],
         [f"emulation on a machine with {os.cpu_count()} cores",
          f"{speed['real_time_factor']:.1f} x real time; {speed['busy_real_time_factor']:.1f} x while the core is awake",
-         "3 x"],
+         ""],
     ]
     return "## The loop\n`cargo tvc fly --seed 1 --json`, S3003, `cargo lab profile --wait-states 0 --json` and `cargo lab stack --json`.\n\n" + table(["", "measured", "required"], rows)
 

@@ -33,8 +33,6 @@ pub const FLASH_BYTES: Limit = AtMost(100.0 * 1024.0);
 pub const STATIC_RAM_BYTES: Limit = AtMost(24.0 * 1024.0);
 /// Worst case of the stack, percent of the RAM that the statics leave.
 pub const STACK_PCT: Limit = AtMost(60.0);
-/// Simulated over real time.
-pub const REAL_TIME_FACTOR: Limit = AtLeast(3.0);
 /// Inclination error of a replay, deg.
 pub const INCLINATION_DEG: Limit = AtMost(5.0);
 

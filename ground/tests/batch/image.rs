@@ -13,12 +13,7 @@ fn tvc_in(folder: &Path, arguments: &[&str]) -> Output {
 
 fn assert_met(output: &Output) -> String {
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    // Other tests take the processor meanwhile: the rig may be slower than it is alone.
-    let mut missed = said.lines().filter(|line| line.starts_with("missed: "));
-    let is_slow = missed.clone().any(|line| line.starts_with("missed: times real time"));
-    let others = missed.any(|line| !line.starts_with("missed: times real time"));
-    let code = output.status.code();
-    assert!(code == Some(0) || is_slow && !others && code == Some(1), "{code:?}: {said}");
+    assert!(output.status.success(), "{said}");
     said
 }
 
