@@ -18,7 +18,7 @@
 //! A rate of -1 from afar is held too, because a data line that nobody drives reads 0xFFFF. So are
 //! three rates of 0 from afar, because a line that is pulled low reads 0. A board that was struck
 //! comes to rest with such rates. After a transfer that failed on the bus, smaller jumps are held:
-//! the disturbance of the bus may go on. A field of which a single bit changed is held as well.
+//! the disturbance of the bus may go on.
 //!
 //! A wrong bit in the midst of a word looks like a motion. Bursts with features that are rare in a
 //! sound burst are [suspect](Evidence::Suspect). One is a single bit that changes while another
@@ -99,6 +99,8 @@ pub struct Inspector {
     last: Option<Words>,
     /// Last good burst.
     good: Option<(Micros, Words)>,
+    /// The last field without a wrong bit, or one that stayed.
+    field: [i16; 3],
     still: Still,
     /// Rates of the last burst, if they were held back.
     held: Option<[i16; 3]>,
@@ -188,20 +190,21 @@ impl Inspector {
                 held.iter().all(|rate| rate.unsigned_abs() < rules.rattle)
             });
         let jumps_back = held.is_some() && !is_confirmed && !behind_failure;
+        let field_moves = last.is_some_and(|last| last.mag() != now.mag());
+        let field_is_wrong =
+            good.is_some() && field_moves && has_wrong_bit(&self.field, &now.mag());
+        if !field_is_wrong {
+            self.field = now.mag();
+        }
         let mut is_suspect = jumps_back && !is_rattle;
         let mut cleared = false;
         if let Some(good) = good {
             let [acc, mag, gyr] = self.ones.look(rules, &good, now, &mut cleared);
             is_suspect |= acc || mag || gyr;
-            if !rules.may_rest {
-                is_suspect |= has_wrong_bit(&good.acc(), &now.acc());
-                is_suspect |= has_wrong_bit(&good.gyr(), &now.gyr());
-                let field_changed = last.is_some_and(|last| last.mag() != now.mag());
-                if field_changed && has_wrong_bit(&good.mag(), &now.mag()) {
-                    is_suspect = true;
-                    accepted.0[1] = good.mag();
-                }
-            }
+            is_suspect |= !rules.may_rest
+                && (field_is_wrong
+                    || has_wrong_bit(&good.acc(), &now.acc())
+                    || has_wrong_bit(&good.gyr(), &now.gyr()));
             let [_, _, near] = rules.near;
             let is_zero = now.gyr() == [0; 3] && !rules.may_rest;
             let most = if is_zero { near.min(jump) } else { jump };
@@ -301,8 +304,8 @@ fn out_of_range(rules: &Rules, Words([acc, mag, gyr]): &Words) -> bool {
         || rules.needs_mag && *mag == [0; 3]
 }
 
-/// Whether single bits of a sensor's words have changed since the last good burst, one of them far
-/// above their noise, while another word stands still.
+/// Whether single bits of a sensor's words have changed since a good burst, one of them far above
+/// their noise, while another word stands still.
 fn has_wrong_bit(good: &[i16; 3], now: &[i16; 3]) -> bool {
     /// Bits 4 to 15.
     const LARGE: u32 = 0xFFF0;
