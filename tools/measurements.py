@@ -2,7 +2,7 @@
 """Write docs/reference/measurements.md, docs/flight.svg and the filters' tables anew: every figure comes from a
 command of the tools run with --json, and the picture from the report of a flight.
 
-    python3 tools/measurements.py --broad FOLDER     all sections; takes about a quarter of an hour
+    python3 tools/measurements.py --broad FOLDER     all sections; takes 75 minutes on two cores
     python3 tools/measurements.py --without-broad    leaves the scores on the BROAD recordings as they are
 
 FOLDER holds IMUQ16v1 recordings (.imuq) of the BROAD data set. The commands run through `cargo tvc`, so the tool
