@@ -59,16 +59,17 @@ impl Board {
         else {
             crash::stop(SelfCheck::TakenTwice)
         };
-        crash::count_start(&chip.pm);
+        let starts = crash::count_start(&chip.pm);
         let clocks = clocks::start(chip.gclk, &mut chip.pm, &mut chip.sysctrl, &mut chip.nvmctrl);
         let Some(clocks) = clocks else { crash::stop(SelfCheck::Clock) };
         time::start(&mut core.SYST);
         // Before all else: start-up may hang, too.
         let guard = watchdog::WatchdogGuard::start(chip.wdt);
+        clocks::enable_buses(&chip.pm);
+        crash::behind_lock_up(&chip.pm, starts);
         let mut flash = flash::Flash::new(chip.nvmctrl);
         let (params, stored) = store::load(&mut flash, BoardId::of(&serial_number()));
         let report = BootReport { crash: crash::report(&chip.pm), stored };
-        clocks::enable_buses(&chip.pm);
         let engine = Engine::new(chip.dsu, chip.pac1);
         let Some(image) = ImageCheck::new(engine) else { crash::refuse_to_start(SelfCheck::Flash) };
         // Behind the check: a damaged image may have read anything.

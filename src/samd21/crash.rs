@@ -13,7 +13,8 @@
 //! servo would follow a pulse that is cut short.
 //!
 //! A processor that locks up (a fault within the fault handler, or a stack pointer outside RAM)
-//! leaves no record, and the watchdog ends it at any moment.
+//! leaves no record, and the watchdog ends it at any moment. The next start sends neutral pulses
+//! before it runs what may lock up again ([`behind_lock_up`]).
 
 use core::ptr::addr_of_mut;
 
@@ -35,6 +36,10 @@ const LAST_FRAMES: u32 = 6;
 
 /// Frames of 50 Hz in which a slow servo turns through all of its travel: 0.6 s.
 const REFUSED_FRAMES: u32 = 30;
+
+/// Frames of 50 Hz with neutral pulses at the start behind a lock-up. Longer, the sensor would be
+/// without a burst for longer than it need be.
+const FIRST_FRAMES_US: u32 = 2 * 20_000;
 
 /// Half of the time for which neutral pulses go on before a reset, us. The watchdog, which is fed
 /// before either half, takes 89 ms where its oscillator is 40 % fast: this, a frame and a pulse are
@@ -171,14 +176,43 @@ pub(crate) fn stop(check: SelfCheck) -> ! {
 #[cold]
 #[inline(never)]
 pub(crate) fn refuse_to_start(check: SelfCheck) -> ! {
+    let is_sent = send_kept_neutral();
+    leave_to_bootloader(Record::new(SELF_CHECK, check.code().into()), is_sent)
+}
+
+/// The start of a program that the watchdog itself has ended: the processor locked up, or hung with
+/// its interrupts off, and the rudder is where it was. Neutral pulses come before the image is
+/// read, for a flipped bit may be in the code that reads it. The first time they end before that,
+/// where another lock-up would cut one. The second time in a row the image is left to the
+/// bootloader.
+pub(crate) fn behind_lock_up(pm: &pac::Pm, starts: u32) {
+    if pm.rcause().read().wdt().bit_is_clear() {
+        return;
+    }
+    let is_sent = send_kept_neutral();
+    if starts > 1 {
+        leave_to_bootloader(Record::new(HANG, 0), is_sent);
+    }
+    if is_sent {
+        time::delay_us(FIRST_FRAMES_US);
+        frame::end_pulses();
+    }
+}
+
+/// Sends the neutral pulses that the last run has kept, from here on. `false` if it has kept none.
+fn send_kept_neutral() -> bool {
     let kept = KeptNeutral::read().filter(|_| dfll::is_as_meant() && dfll::is_untuned());
     if let Some(counts) = kept {
         frame::will_be_sent(counts);
         frame::send_pulses(counts);
     }
-    Record::new(SELF_CHECK, check.code().into()).store();
+    kept.is_some()
+}
+
+fn leave_to_bootloader(record: Record, is_neutral_sent: bool) -> ! {
+    record.store();
     usb::ask_for_bootloader();
-    last_frames::reset_behind(if kept.is_some() { REFUSED_FRAMES } else { 0 })
+    last_frames::reset_behind(if is_neutral_sent { REFUSED_FRAMES } else { 0 })
 }
 
 /// The neutral pulses, in counts of the servo frame's timer, where a reset leaves them; sealed as
@@ -218,9 +252,9 @@ struct Starts {
 /// An image that has not come to work after this number of starts is left to the bootloader.
 const STARTS_MAX: u32 = 4;
 
-/// The program starts. What ends it before it works, a bit that has flipped in the code of its
-/// start, does so again and again.
-pub(crate) fn count_start(pm: &pac::Pm) {
+/// The program starts: for which time in a row. What ends it before it works, a bit that has
+/// flipped in the code of its start, does so again and again.
+pub(crate) fn count_start(pm: &pac::Pm) -> u32 {
     let cause = pm.rcause().read();
     // SAFETY: as in `Record::take`.
     let kept = unsafe { addr_of_mut!(_starts).read_volatile() };
@@ -232,6 +266,7 @@ pub(crate) fn count_start(pm: &pac::Pm) {
         usb::enter_bootloader();
     }
     keep_starts(count);
+    count
 }
 
 /// The loop works.

@@ -484,6 +484,31 @@ fn a_damaged_image_is_not_started_and_leaves_the_rudder_at_neutral() {
     }
 }
 
+/// The processor locks up in code that each start runs, too: the rudder gets neutral pulses at the
+/// first start, and before the bootloader has the board. No pulse is cut but the one in flight.
+#[test]
+fn a_lock_up_in_the_check_of_the_image_leaves_the_rudder_at_neutral() {
+    /// `mov sp, pc`: the stack lies in flash.
+    const STACK_IN_FLASH: [u8; 2] = 0x46FD_u16.to_le_bytes();
+    let image = firmware();
+    let mut symbols = image.symbols();
+    let (_, check) = symbols.find(|(name, _)| name.contains("Engine5go_on")).expect("a function");
+    let mut flight = in_flight();
+    let Ready { rig, station, .. } = &mut flight;
+    let at = rig.now();
+    rig.chip.load_flash(check & !1, &STACK_IN_FLASH);
+    station.run(rig, ms(3000)).unwrap();
+    let resets: Vec<_> = rig.resets().iter().map(|(_, cause)| *cause).collect();
+    assert_eq!(resets, [ResetCause::Watchdog, ResetCause::Watchdog, ResetCause::System]);
+    assert!(rig.in_bootloader());
+    let (first, _) = rig.resets()[0];
+    let behind = rig.truth().pulses_since(first);
+    assert!(behind[0].rise - at < ms(800), "{}", behind[0].rise - at);
+    assert!((30..38).contains(&behind.len()), "{}", behind.len());
+    let neutral = default_neutral_us();
+    assert!(behind.iter().all(|pulse| neutral.contains(&pulse.width_us())));
+}
+
 fn refuses_to_start(mut flight: Ready, place: u32, bit: u8) {
     let Ready { rig, station, .. } = &mut flight;
     let sound = rig.chip.memory.flash()[place as usize];
