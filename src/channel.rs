@@ -95,6 +95,11 @@ impl ChannelState {
         }
     }
 
+    /// The plant's gain that the law estimates, in those of `PITCH_GAIN`.
+    pub(crate) fn plant_gain(&self) -> Q16 {
+        self.law.plant_gain()
+    }
+
     /// Its words.
     pub(crate) const WORDS: usize = LawState::WORDS + Q16::WORDS + Commanded::WORDS;
 

@@ -130,6 +130,15 @@ macro_rules! laws {
                 Self::default()
             }
 
+            /// The plant's gain as the law estimates it, in those of `PITCH_GAIN`; 1 where it does
+            /// not.
+            pub(crate) fn plant_gain(&self) -> Q16 {
+                match self {
+                    Self::Surface(state) => state.plant_gain(),
+                    _ => Q16::ONE,
+                }
+            }
+
             /// Shows the words, and zeros up to those of the largest state.
             pub(crate) fn tell(&self, each: &mut dyn FnMut(i32)) {
                 let told = match self {

@@ -407,6 +407,12 @@ impl Flight {
         [tilt, heading]
     }
 
+    /// The plant's gain that the control law of pitch estimates, in those of `PITCH_GAIN`: 1 to 2.
+    pub fn plant_gain(&self) -> Q16 {
+        let [pitch, _] = &self.state.channels;
+        pitch.plant_gain()
+    }
+
     /// The control laws, where the state lets them move their rudders. Positive crank angles turn
     /// the vehicle to negative angles, so the crank follows the angle and its rate with positive
     /// sign: `crank = kp (angle - setpoint) + kd rate`.

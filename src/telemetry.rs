@@ -14,6 +14,7 @@
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
 //! | NAMED_VALUE_FLOAT `crank` | every step: the crank angle that control asked for, rad, before limits |
 //! | NAMED_VALUE_FLOAT `tilt_sd`, `head_sd` | once a second: standard deviations of tilt and heading, deg |
+//! | NAMED_VALUE_FLOAT `gain` | once a second: the plant's gain that control estimates, in those of `PITCH_GAIN` |
 //! | V2_EXTENSION | once a second from standby on, in parts: all that the flight remembers after a step ([`Flight::tell`]), from which a replay goes on behind lost frames |
 //! | ATTITUDE | not by itself: at the interval that the host asks for |
 //! | COMMAND_ACK | every command, COMMAND_LONG or COMMAND_INT, to the one that sent it; a gyro calibration is in progress once a second until it is accepted |
@@ -231,7 +232,7 @@ impl Telemetry {
         if due {
             self.heartbeat_at = Some(snapshot.now);
             self.bus_status(snapshot, sensor.fresh, board);
-            self.uncertainty(snapshot, flight);
+            self.estimates(snapshot, flight);
             self.watch_standby(sensor);
             match (&snapshot.state, snapshot.fault) {
                 (State::Boot, Some(fault)) => self.warn(format_args!("{fault}")),
@@ -431,13 +432,17 @@ impl Telemetry {
         self.send_words::<SYS_STATUS_DATA>(Priority::Event, &words);
     }
 
-    /// How uncertain tilt and heading are.
+    /// How uncertain tilt and heading are, and the plant's gain.
     #[inline(never)]
-    fn uncertainty(&mut self, snapshot: &Snapshot, flight: &Flight) {
-        let ends = u32::from_le_bytes(*b"_sd\0");
-        let names = [*b"tilt", *b"head"].map(u32::from_le_bytes);
-        for (name, sd_deg) in names.into_iter().zip(flight.attitude_sd_deg()) {
-            let words = [milliseconds(snapshot.now), sd_deg.to_bits(), name, ends];
+    fn estimates(&mut self, snapshot: &Snapshot, flight: &Flight) {
+        let [tilt, heading] = flight.attitude_sd_deg();
+        for (name, ends, value) in [
+            (*b"tilt", *b"_sd\0", tilt),
+            (*b"head", *b"_sd\0", heading),
+            (*b"gain", [0; 4], flight.plant_gain().into()),
+        ] {
+            let [name, ends] = [name, ends].map(u32::from_le_bytes);
+            let words = [milliseconds(snapshot.now), value.to_bits(), name, ends];
             self.send_words::<NAMED_VALUE_FLOAT_DATA>(Priority::Event, &words);
         }
     }

@@ -59,6 +59,7 @@ def frames():
         # Those of an estimate that has seen nothing: 2838 / 2^14 rad.
         ("tilt_sd", mavlink.MAVLink_named_value_float_message(1240, b"tilt_sd", 9.924646377563477)),
         ("head_sd", mavlink.MAVLink_named_value_float_message(1240, b"head_sd", 0)),
+        ("gain", mavlink.MAVLink_named_value_float_message(1240, b"gain", 1)),
     ]
     for sequence, (name, message) in enumerate(step):
         yield name, frame(message, sequence)

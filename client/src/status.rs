@@ -33,6 +33,8 @@ pub struct Status {
     pub tilt_sd_deg: Option<f32>,
     /// The same of the heading: more than 100 where nothing shows it.
     pub heading_sd_deg: Option<f32>,
+    /// The plant's gain that control estimates, in those of `PITCH_GAIN`.
+    pub plant_gain: Option<f32>,
     /// Rates, losses and load.
     #[serde(flatten)]
     pub health: LinkHealth,
@@ -143,6 +145,7 @@ impl StatusTracker {
             }
             MavMessage::NAMED_VALUE_FLOAT(m) => match crate::text(&m.name) {
                 "tilt_sd" => status.tilt_sd_deg = Some(m.value),
+                "gain" => status.plant_gain = Some(m.value),
                 "head_sd" => status.heading_sd_deg = Some(m.value),
                 _ => {}
             },
@@ -229,7 +232,7 @@ mod tests {
         assert_eq!(second.pulse_us, 1600);
         assert!((second.servo_rad + 10.0_f64.to_radians()).abs() < 1e-9);
         assert_eq!(tracker.peek().tilt_sd_deg, None);
-        for (name, value) in [("tilt_sd", 1.5), ("head_sd", 4.0), ("other", 9.0)] {
+        for (name, value) in [("tilt_sd", 1.5), ("head_sd", 4.0), ("gain", 1.25), ("other", 9.0)] {
             tracker.take(&MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA {
                 name: name.into(),
                 value,
@@ -238,6 +241,7 @@ mod tests {
         }
         assert_eq!(tracker.peek().tilt_sd_deg, Some(1.5));
         assert_eq!(tracker.peek().heading_sd_deg, Some(4.0));
+        assert_eq!(tracker.peek().plant_gain, Some(1.25));
     }
 
     #[test]

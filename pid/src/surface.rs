@@ -89,6 +89,7 @@ pub struct SurfaceConfig {
 /// actuator = clamp(actuator + T speed),  position = position within actuator +- play
 /// rate, value: integrals of gain (position + disturbance), shifted by shares of the innovations
 /// disturbance = disturbance + rate_share trim / gain * innovation of the rate
+/// excess = excess + learn * innovation of the rate, where the rate changed by much
 ///
 /// ahead, when the output takes effect and `ahead_s` later:
 /// x = value - setpoint + rate |p| / S + gain p^3 / 3 S^2
@@ -100,6 +101,12 @@ pub struct SurfaceConfig {
 /// stays. That holds against a disturbance without an integral that could wind up. The model does
 /// not wind up either, at limits of the output or if the plant is held: its rate and value follow
 /// the readings.
+///
+/// **The plant's gain.** A plant quicker than configured answers each output by more than the
+/// model, and would swing for ever. Where the model's rate changes by much between two readings,
+/// the rate's innovation therefore moves an estimate of the gain. It stays between one and two
+/// times the configured gain. The model takes the estimate, and the output's distance is divided by
+/// it: the estimate makes the law gentler, never sharper. A plant that is held leaves it alone.
 ///
 /// The default has no gains: its output is 0.
 #[derive(Clone, Debug, Default)]
@@ -124,6 +131,10 @@ state! {
         /// Output of the last sample.
         output: T,
         disturbance: T,
+        /// What the plant's gain is more than the configured one, as a share of it.
+        excess: T,
+        /// Rate at the time of the last reading.
+        read: T,
         /// Targets of the actuator in the newest samples, each delayed by the output's effect, the
         /// newest first.
         targets: [T; HISTORY],
@@ -145,6 +156,16 @@ impl<T: Scalar> SurfaceState<T> {
     /// The estimated disturbance, in units of the output.
     pub fn disturbance(&self) -> T {
         self.disturbance
+    }
+
+    /// The estimate of the plant's gain, in configured gains: 1 to 2.
+    pub fn plant_gain(&self) -> T {
+        T::ONE + self.excess
+    }
+
+    /// A factor of the configured gain with the estimated one.
+    fn with_gain(&self, factor: T) -> T {
+        factor + factor * self.excess
     }
 }
 
@@ -214,7 +235,7 @@ impl<T: Scalar> Surface<T> {
         state.actuator = state.actuator.clamped(-limit, limit);
         state.position = self.c.within_play(state.position, state.actuator);
         let mean = before + (state.position - before).half();
-        let change = self.c.rate_step * (mean + state.disturbance);
+        let change = state.with_gain(self.c.rate_step) * (mean + state.disturbance);
         let way = (state.rate.now + change.half()).times(self.c.period);
         state.rate.turn(change);
         state.value.turn(way);
@@ -235,12 +256,27 @@ impl<T: Scalar> Surface<T> {
         }
         let Some(age) = reading.age else { return };
         let age = age + self.c.sensor_lag;
-        let innovation = reading.rate - state.rate.past(age);
-        state.rate.now = state.rate.now + innovation.times(self.c.rate_share);
+        let read = state.rate.past(age);
+        let innovation = reading.rate - read;
+        self.learn(state, read - state.read, innovation);
+        let correction = innovation.times(self.c.rate_share);
+        state.read = read + correction;
+        state.rate.now = state.rate.now + correction;
         state.disturbance = (state.disturbance + innovation.times(self.c.trim))
             .clamped(-self.c.trim_limit, self.c.trim_limit);
         let innovation = reading.value - state.value.past(age - reading.value_lead);
         state.value.now = state.value.now + innovation.times(self.c.value_share);
+    }
+
+    /// The gain follows the innovation of a rate that the model changed by `change` since the last
+    /// reading. The innovation counts for as much as the change at most.
+    fn learn(&self, state: &mut SurfaceState<T>, change: T, innovation: T) {
+        let (change, innovation) =
+            if change < T::ZERO { (-change, -innovation) } else { (change, innovation) };
+        if change > self.c.learn_from {
+            let more = self.c.learn * innovation.clamped(-change, change);
+            state.excess = (state.excess + more).clamped(T::ZERO, T::ONE);
+        }
     }
 
     /// The first reading: the rate counts as constant up to now, and the value has followed it.
@@ -251,6 +287,7 @@ impl<T: Scalar> Surface<T> {
         let age = reading.age.unwrap_or_default() - reading.value_lead + self.c.sensor_lag;
         let age = age.clamped(T::ZERO, MOST_AGE.into());
         state.rate = Track { now: reading.rate, changes: [T::ZERO; HISTORY] };
+        state.read = reading.rate;
         state.value = Track { now: reading.value + age * way, changes: [way; HISTORY] };
     }
 
@@ -280,18 +317,21 @@ impl<T: Scalar> Surface<T> {
     fn decide(&self, state: &SurfaceState<T>, setpoint: T) -> T {
         let c = &self.c;
         let path = self.path(state);
-        let rate = state.rate.now + c.rate_step * path.sum;
-        let pushed = (c.rate_step * path.sums).times(c.period);
+        let rate_step = state.with_gain(c.rate_step);
+        let rate = state.rate.now + rate_step * path.sum;
+        let pushed = (rate_step * path.sums).times(c.period);
         let value = state.value.now - setpoint + state.rate.now.times(c.horizon) + pushed;
 
         let away = path.position;
         let size = if away < T::ZERO { -away } else { away };
         let time_s = c.return_s * size;
         let square = away * size;
-        let back = c.return_gain * square;
+        let back = state.with_gain(c.return_gain) * square;
         let x = value + time_s * (rate + back.times(c.way_share));
         let deviation = rate + back + c.surface(x);
-        let lead = (c.gain * deviation).clamped(-c.lead_limit, c.lead_limit);
+        // 1 / (1 + excess), within 0.05.
+        let less = state.excess - (state.excess * state.excess).half();
+        let lead = ((c.gain - c.gain * less) * deviation).clamped(-c.lead_limit, c.lead_limit);
         (away - state.disturbance - lead).clamped(-c.limit, c.limit)
     }
 }

@@ -6,6 +6,7 @@ use plant::limit::{self, Actuator};
 use plant::linear::frequency::pitch_gain;
 use plant::mechanism::Mechanism;
 use plant::pitch_loop::{COMMAND_LIMIT_RAD, PitchLoop, Timing};
+use plant::response::StepResponse;
 use plant::{ParameterError, Setup};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -39,8 +40,15 @@ pub const NAMES: [&str; 11] = [
 /// Their values.
 pub type Gains = [f64; NAMES.len()];
 
-/// Starts that are flown, rad, with [`START_RATE_RAD_S`] away from upright.
-pub const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];
+/// Starts that are flown, rad, with [`START_RATE_RAD_S`] away from upright: small ones, middling
+/// and large ones.
+pub const STARTS_RAD: [[f64; 7]; 3] = [
+    [0.1, 0.13, 0.16, 0.2, 0.23, 0.26, 0.3],
+    [0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6],
+    [0.6, 0.64, 0.68, 0.72, 0.76, 0.8, 0.85],
+];
+/// Overshoot counts in percent of the start, and at least of this, rad.
+const LEAST_SCALE_RAD: f64 = 0.15;
 /// Pitch rate at the start, rad/s.
 pub const START_RATE_RAD_S: f64 = 0.2;
 /// Settling band, share of the start.
@@ -82,34 +90,54 @@ pub struct Requirements {
     pub gain_db: f64,
 }
 
-/// The flights from one start.
-#[derive(Debug, Clone)]
-pub struct Run {
-    /// Pitch at the start, rad.
-    start_rad: f64,
-    /// The time-optimal limit of the 5 % settling, s.
+/// A start, and the shortest 5 % settling from there that the rudder's speed allows, s.
+#[derive(Debug, Clone, Copy)]
+struct Start {
+    pitch_rad: f64,
     limit_s: f64,
-    /// Overshoots, percent.
-    overshoots_pct: Vec<f64>,
-    /// 5 % settling, s; none where a flight did not settle.
-    settling_s: Vec<Option<f64>>,
 }
+
+/// A flight from a start.
+#[derive(Debug, Clone, Copy)]
+struct Flight {
+    start: Start,
+    /// Percent of the start, or of [`LEAST_SCALE_RAD`].
+    overshoot_pct: f64,
+    /// 5 % settling, s; none where it did not settle.
+    settling_s: Option<f64>,
+}
+
+impl Flight {
+    fn new(start: Start, response: Option<StepResponse>) -> Self {
+        // Starts are not zero and the model is finite: there always is a response.
+        let (overshoot_pct, settling_s) = response.map_or((f64::INFINITY, None), |response| {
+            (response.overshoot_pct(), response.settling_s(BAND))
+        });
+        let scale = (start.pitch_rad / LEAST_SCALE_RAD).min(1.0);
+        Self { start, overshoot_pct: scale * overshoot_pct, settling_s }
+    }
+}
+
+/// The flights from a group of starts.
+#[derive(Debug, Clone)]
+pub struct Run(Vec<Flight>);
 
 impl Run {
     fn ratio(&self) -> Distribution {
-        let settling = self.settling_s.iter();
-        Distribution::of(settling.map(|s| s.map(|s| s / self.limit_s)))
+        let ratio = |flight: &Flight| flight.settling_s.map(|s| s / flight.start.limit_s);
+        Distribution::of(self.0.iter().map(ratio))
     }
 
     fn overshoot_pct(&self) -> Distribution {
-        Distribution::of(self.overshoots_pct.iter().copied().map(Some))
+        Distribution::of(self.0.iter().map(|flight| Some(flight.overshoot_pct)))
     }
 
     /// The figures, held to what is required; `from` says what the start is.
     pub fn figures(&self, from: &'static str, required: &Requirements) -> [Figure; 4] {
+        let starts_rad = || self.0.iter().map(|flight| flight.start.pitch_rad);
         [
-            figure("start_rad", self.start_rad).shown(from, "rad", 1),
-            figure("limit_s", self.limit_s).shown("time-optimal limit", "s", 3),
+            figure("start_rad", starts_rad().fold(f64::INFINITY, f64::min)).shown(from, "rad", 1),
+            figure("largest_start_rad", starts_rad().fold(0.0, f64::max)).shown("to", "rad", 2),
             self.ratio().figure(
                 "ratio",
                 ("times the limit", "", 2),
@@ -132,10 +160,9 @@ impl Run {
     /// overshoot that comes near to what is allowed. The first half of it counts for the worst
     /// start alone.
     pub fn cost(&self, required: &Requirements) -> (f64, f64) {
-        let unsettled = UNSETTLED_S / self.limit_s;
-        let ratio = Distribution::of(
-            self.settling_s.iter().map(|s| Some(s.map_or(unsettled, |s| s / self.limit_s))),
-        );
+        let ratio =
+            |flight: &Flight| Some(flight.settling_s.unwrap_or(UNSETTLED_S) / flight.start.limit_s);
+        let ratio = Distribution::of(self.0.iter().map(ratio));
         let overshoot = self.overshoot_pct();
         // The grid of the search is coarse, which the reserves make up for.
         let over = |pct: f64, allowed: f64| (pct - allowed).max(0.0);
@@ -154,13 +181,11 @@ impl Run {
     }
 }
 
-/// How finely frame phases and sensor ages are tried.
+/// How many flights stand for all frame phases and sensor ages.
 #[derive(Debug, Clone, Copy)]
 pub struct Grid {
-    /// Frame phases.
-    pub phases: u32,
-    /// Ages of the sensor's refresh.
-    pub ages: u32,
+    /// Flights from each group of starts.
+    flights: u32,
     /// Rate of the sensor's refresh, Hz, where it is not that of the setup.
     refresh_hz: Option<f64>,
     /// Step of the model, s.
@@ -169,12 +194,11 @@ pub struct Grid {
 
 impl Grid {
     /// For the search.
-    pub const COARSE: Self = Self { phases: 6, ages: 3, refresh_hz: None, step_s: STEP_S };
+    pub const COARSE: Self = Self { flights: 35, refresh_hz: None, step_s: STEP_S };
     /// For the search, with a sensor that refreshes slowly.
-    const SLOW: Self =
-        Self { phases: 2, ages: 4, refresh_hz: Some(SLOW_REFRESH_HZ), step_s: STEP_S };
+    const SLOW: Self = Self { flights: 14, refresh_hz: Some(SLOW_REFRESH_HZ), step_s: STEP_S };
     /// For the figures.
-    pub const FINE: Self = Self { phases: 10, ages: 5, refresh_hz: None, step_s: 0.5 * STEP_S };
+    pub const FINE: Self = Self { flights: 140, refresh_hz: None, step_s: 0.5 * STEP_S };
 }
 
 /// A drone and servo for which gains are sought.
@@ -184,7 +208,7 @@ pub struct Problem {
     base: Params,
     /// Lag of the servo's motor with the rudder at zero, s.
     servo_lag_s: f64,
-    limits_s: [f64; STARTS_RAD.len()],
+    starts: [[Start; STARTS_RAD[0].len()]; STARTS_RAD.len()],
     seed: u64,
 }
 
@@ -197,16 +221,18 @@ impl Problem {
     pub fn new(setup: Setup, base: &Params, seed: u64) -> Result<Self> {
         let actuator =
             Actuator { rate_rad_s: setup.servo.speed_rad_s, limit_rad: COMMAND_LIMIT_RAD };
-        let mut limits_s = [0.0; STARTS_RAD.len()];
-        for (limit_s, start) in limits_s.iter_mut().zip(STARTS_RAD) {
-            let limit = limit::time_optimal(&setup.drone, actuator, start, START_RATE_RAD_S, 0.0)?;
+        let mut starts =
+            STARTS_RAD.map(|group| group.map(|pitch_rad| Start { pitch_rad, limit_s: 0.0 }));
+        for Start { pitch_rad, limit_s } in starts.iter_mut().flatten() {
+            let limit =
+                limit::time_optimal(&setup.drone, actuator, *pitch_rad, START_RATE_RAD_S, 0.0)?;
             *limit_s = limit.response.settling_s(BAND).unwrap_or(limit.to_rest_s);
         }
         let mechanism = Mechanism::new(&setup.drone)?;
         let pitch_gain = pitch_gain(&mechanism);
         let zero = mechanism.configuration(mechanism.linkage().zero_rudder_crank_rad());
         let servo_lag_s = setup.servo.lag_s(zero.crank_inertia());
-        let mut problem = Self { setup, base: base.clone(), servo_lag_s, limits_s, seed };
+        let mut problem = Self { setup, base: base.clone(), servo_lag_s, starts, seed };
         problem.base.set("PID_LAW", SURFACE_LAW).map_err(|error| anyhow::anyhow!("{error}"))?;
         set(&mut problem.base, "PITCH_GAIN", pitch_gain);
         set(&mut problem.base, "SRV_RAD_S", setup.servo.speed_rad_s);
@@ -251,24 +277,20 @@ impl Problem {
         margins::of(&self.setup, params)
     }
 
-    /// The flights from every start, over frame phases, sensor ages, clocks and both sides.
+    /// The flights from every group of starts, over frame phases, sensor ages, clocks and both
+    /// sides.
     ///
     /// # Errors
     /// A parameter of the drone out of range.
     pub fn figures(&self, params: &Params, grid: Grid) -> Result<Vec<Run>, ParameterError> {
-        let per_start = grid.phases * grid.ages;
-        STARTS_RAD
-            .into_iter()
-            .zip(self.limits_s)
-            .map(|(start_rad, limit_s)| {
-                let flights: Vec<(f64, Option<f64>)> = (0..per_start)
-                    .into_par_iter()
-                    .map(|index| self.fly(params, grid, start_rad, index))
-                    .collect::<Result<_, _>>()?;
-                let (overshoots_pct, settling_s) = flights.into_iter().unzip();
-                Ok(Run { start_rad, limit_s, overshoots_pct, settling_s })
-            })
-            .collect()
+        let of_group = |group: &[Start]| {
+            let flights = (0..grid.flights).into_par_iter().map(|index| {
+                let start = group[index as usize % group.len()];
+                self.fly(params, grid, start, index)
+            });
+            Ok(Run(flights.collect::<Result<_, _>>()?))
+        };
+        self.starts.iter().map(|group| of_group(group)).collect()
     }
 
     /// The same of flights by the image.
@@ -285,41 +307,41 @@ impl Problem {
         let gains: Vec<(String, f32)> =
             named(params).into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         let flights = flown::fly(image, (&self.setup, servo), &gains, seeds)?;
-        let starts = STARTS_RAD.into_iter().zip(self.limits_s).zip(flights);
-        Ok(starts
-            .map(|((start_rad, limit_s), flights)| {
-                let (overshoots_pct, settling_s) = flights.into_iter().unzip();
-                Run { start_rad, limit_s, overshoots_pct, settling_s }
-            })
-            .collect())
+        let run = |(group, responses): (&[Start; _], Vec<StepResponse>)| {
+            let starts = group.iter().cycle().copied();
+            Run(starts.zip(responses).map(|(start, r)| Flight::new(start, Some(r))).collect())
+        };
+        Ok(self.starts.iter().zip(flights).map(run).collect())
     }
 
-    /// Overshoot (percent) and settling time (s) of one flight of a grid.
+    /// One flight of a grid.
     fn fly(
         &self,
         params: &Params,
         grid: Grid,
-        start_rad: f64,
+        start: Start,
         index: u32,
-    ) -> Result<(f64, Option<f64>), ParameterError> {
-        let (phase, age) = (index / grid.ages, index % grid.ages);
-        let share = |place: u32, of: u32| (f64::from(place) + 0.5) / f64::from(of);
+    ) -> Result<Flight, ParameterError> {
+        // Evenly over the square of both (M. Roberts, The Unreasonable Effectiveness of
+        // Quasirandom Sequences, 2018).
+        let [phase, age] =
+            [0.754_877_67, 0.569_840_29].map(|step| (0.5 + step * f64::from(index)).fract());
         let alternately = |bit: u32| if index >> bit & 1 == 0 { 1.0 } else { -1.0 };
         let mut timing = self.setup.timing;
         timing.step_s = grid.step_s;
-        timing.phase_s = share(phase, grid.phases) * timing.frame_s;
+        timing.phase_s = phase * timing.frame_s;
         if let Some(hz) = grid.refresh_hz {
             timing.refresh_s = Some(1.0 / hz);
         }
         if let Some(period) = &mut timing.refresh_s {
             *period *= 1.0 + CLOCK * alternately(0);
-            timing.refresh_phase_s = share(age, grid.ages) * *period;
+            timing.refresh_phase_s = age * *period;
         }
         let side = alternately(1);
         let mut law = Law::new(params, &self.setup.drone, &timing);
         let Setup { drone, servo, .. } = &self.setup;
         let mut flight =
-            PitchLoop::new(drone, *servo, timing, side * start_rad, side * START_RATE_RAD_S)?;
+            PitchLoop::new(drone, *servo, timing, side * start.pitch_rad, side * START_RATE_RAD_S)?;
         let misjudged = MISJUDGED_RAD * alternately(2);
         let mut noise = RateNoise::new(index);
         let response = flight.respond(FLIGHT_S, |mut measurement| {
@@ -327,10 +349,7 @@ impl Problem {
             measurement.rate_rad_s += noise.of(measurement.rate_rad_s);
             law.update(measurement)
         });
-        // Starts are not zero and the model is finite: there always is a response.
-        Ok(response.map_or((f64::INFINITY, None), |response| {
-            (response.overshoot_pct(), response.settling_s(BAND))
-        }))
+        Ok(Flight::new(start, response.ok()))
     }
 
     /// The cost that the search minimises: the settling of nearly all flights, overshoot near its

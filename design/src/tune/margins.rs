@@ -21,8 +21,9 @@ const STEP_S: f64 = 1e-3;
 /// Start of a flight that is to come to rest, rad, and its length, s.
 const START_RAD: f64 = 0.05;
 const FLIGHT_S: f64 = 4.0;
-/// In its last second a stable loop stays within this, rad.
-const REST_RAD: f64 = 0.02;
+/// A loop that oscillates by more in its last second is lost, and by less it is quiet, rad.
+const LOST_RAD: f64 = 0.02;
+const QUIET_RAD: f64 = 5e-3;
 /// Largest factor on the gain and longest delay that are tried (s).
 const MOST_GAIN: f64 = 8.0;
 const MOST_DELAY_S: f64 = 0.1;
@@ -40,8 +41,10 @@ const FREQUENCIES: i32 = 18;
 /// How far the loop is from instability.
 #[derive(Debug, Clone, Copy)]
 pub struct Margins {
-    /// Gain that may be added, dB.
+    /// Gain that may be added until the loop is lost, dB.
     pub gain_db: f64,
+    /// Gain that may be added until it oscillates by 5 mrad, dB.
+    pub quiet_db: f64,
     /// Delay that may be added, s.
     pub delay_s: f64,
     /// Largest sensitivity: what is left, over the sine on the measured pitch.
@@ -59,6 +62,7 @@ impl Margins {
                 figure("gain_db", self.gain_db)
                     .shown("gain margin", "dB", 1)
                     .limit(AtLeast(gain_db)),
+                figure("quiet_db", self.quiet_db).shown("to 5 mrad of oscillation", "dB", 1),
                 figure("delay_s", self.delay_s).shown("delay margin", "ms", 1).scaled(1e3),
                 figure("peak_sensitivity", self.peak_sensitivity).shown("peak sensitivity", "", 2),
                 figure("peak_rad_s", self.peak_rad_s).shown("at", "rad/s", 1),
@@ -72,10 +76,18 @@ impl Margins {
 /// # Errors
 /// A parameter of the drone out of range.
 pub fn of(setup: &Setup, params: &Params) -> Result<Margins, ParameterError> {
-    let gain = largest(1.0, MOST_GAIN, |gain| comes_to_rest(setup, params, gain, 0.0))?;
-    let delay_s = largest(0.0, MOST_DELAY_S, |s| comes_to_rest(setup, params, 1.0, s))?;
+    let gain_db = |rest_rad| -> Result<f64, ParameterError> {
+        let gain = largest(1.0, MOST_GAIN, |gain| {
+            Ok(oscillation_rad(setup, params, gain, 0.0)? < rest_rad)
+        })?;
+        Ok(20.0 * gain.log10())
+    };
+    let delay_s = largest(0.0, MOST_DELAY_S, |delay_s| {
+        Ok(oscillation_rad(setup, params, 1.0, delay_s)? < LOST_RAD)
+    })?;
     let (peak_sensitivity, peak_rad_s) = peak(setup, params, 0..FREQUENCIES)?;
-    Ok(Margins { gain_db: 20.0 * gain.log10(), delay_s, peak_sensitivity, peak_rad_s })
+    let [gain_db, quiet_db] = [gain_db(LOST_RAD)?, gain_db(QUIET_RAD)?];
+    Ok(Margins { gain_db, quiet_db, delay_s, peak_sensitivity, peak_rad_s })
 }
 
 /// The largest sensitivity at the frequencies where fast loops have it, 10 to 27 rad/s.
@@ -120,14 +132,14 @@ fn largest(
     Ok(low)
 }
 
-/// Whether a loop whose crank moves `gain` times as far, and whose sensor is `delay_s` later, comes
-/// to rest.
-fn comes_to_rest(
+/// The largest pitch, rad, in the last second of a flight whose crank moves `gain` times as far,
+/// and whose sensor is `delay_s` later.
+fn oscillation_rad(
     setup: &Setup,
     params: &Params,
     gain: f64,
     delay_s: f64,
-) -> Result<bool, ParameterError> {
+) -> Result<f64, ParameterError> {
     let mut timing = setup.timing;
     timing.step_s = STEP_S;
     timing.delay_s += delay_s;
@@ -143,7 +155,7 @@ fn comes_to_rest(
             largest_rad = largest_rad.max(sample.pitch_rad.abs());
         }
     }
-    Ok(largest_rad < REST_RAD)
+    Ok(largest_rad)
 }
 
 /// What a sine of a frequency on the measured pitch and its rate becomes, as a share of it: by

@@ -30,13 +30,16 @@ use report::progress;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The search flies the nonlinear model with the servo's limits, the firmware's law and its timing. It
-starts from 0.2, 0.4 and 0.8 rad with 0.2 rad/s, at all frame phases and sensor ages. It also flies
-those of 400 dispersed drones that are hard to fly. 95 % of the flights must meet what is required.
+starts from 21 tilts between 0.1 and 0.85 rad with 0.2 rad/s, at all frame phases and sensor ages. It
+also flies those of 400 dispersed drones that are hard to fly. 95 % of the flights from each third
+of the tilts must meet what is required. Overshoot counts in percent of the tilt, and at least of
+0.15 rad.
+
 Ratios refer to the time-optimal limit: bang-bang with the rudder's rate limited, without delay and
 lag, to within 5 % of the start.
 
-The image then flies the best gains of the last generations, each with vehicles of 12 seeds from the
-same starts. The gains that fly best are written, where they meet what is required.
+The image then flies the best gains of the last generations, each with vehicles of 12 seeds, each
+from a tilt of every third. The gains that fly best are written, where they meet what is required.
 
 Examples:
   tvc tune                                      gains for the analog servo

@@ -143,7 +143,11 @@ fn report(status: &Status, json: bool) -> Result<()> {
     print(lines(status).join("  ") + "\n")
 }
 
-/// What not every vehicle tells: the second servo, and how uncertain tilt and heading are.
+/// From this estimate on, in those of `PITCH_GAIN`, the plant's gain is worth showing.
+const QUICK: f32 = 1.2;
+
+/// What not every vehicle tells: the second servo, how uncertain tilt and heading are, and a plant
+/// that is quicker than `PITCH_GAIN` says.
 fn beside(status: &Status) -> String {
     let second = status.second_servo.map(|second| {
         let angle_deg = second.servo_rad.to_degrees();
@@ -152,9 +156,12 @@ fn beside(status: &Status) -> String {
     let known = |what: &str, sd_deg: Option<f32>| {
         sd_deg.map_or_else(String::new, |sd_deg| format!("  {what} \u{b1} {sd_deg:.1} deg"))
     };
+    let gain = status.plant_gain.filter(|gain| *gain >= QUICK);
+    let gain = gain.map_or_else(String::new, |gain| format!("  gain x{gain:.2}"));
     second.unwrap_or_default()
         + &known("tilt", status.tilt_sd_deg)
         + &known("heading", status.heading_sd_deg)
+        + &gain
 }
 
 /// A status for a person: time and state, attitude, link.

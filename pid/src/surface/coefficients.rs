@@ -24,6 +24,11 @@ const MOST_AHEAD_S: f32 = 0.6;
 /// Largest change of the disturbance per innovation of the rate.
 const MOST_TRIM: f32 = 0.999;
 
+/// Change of the gain's excess by an innovation as large as what the largest output changes the
+/// rate by in a sample, and the share of that change from which on it counts.
+const LEARN: f32 = 0.09;
+const LEARN_FROM: f32 = 0.045;
+
 /// The factors of a sample.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Coefficients<T: Scalar> {
@@ -60,6 +65,10 @@ pub(super) struct Coefficients<T: Scalar> {
     pub(super) trim: T::Share,
     pub(super) trim_limit: T,
     pub(super) limit: T,
+    /// Change of the gain's excess per innovation of the rate, and the change of the rate between
+    /// two readings from which on it counts.
+    pub(super) learn: T,
+    pub(super) learn_from: T,
 }
 
 /// The actuator's coefficients for steps of one length.
@@ -114,6 +123,7 @@ impl<T: Scalar> Coefficients<T> {
         let (effect, effect_rest) = T::from(config.effect_s / period).split();
         let horizon_s = config.effect_s + config.ahead_s;
         let rest = (horizon_s / period - effect as f32).max(0.0);
+        let full = (period * config.plant_gain * config.limit).max(1.0 / LARGEST);
         let steepness = config.curve * cube_root(config.plant_gain * config.actuator_rate);
         let tangents = TOUCHES.map(|(touch, power)| Tangent::new(touch, steepness * power));
         Ok(Self {
@@ -144,6 +154,8 @@ impl<T: Scalar> Coefficients<T> {
             trim: (config.rate_share * config.trim_rad_s / config.plant_gain).min(MOST_TRIM).into(),
             trim_limit: config.trim_limit.into(),
             limit: config.limit.into(),
+            learn: (LEARN / full).min(LARGEST).into(),
+            learn_from: (LEARN_FROM * full).into(),
         })
     }
 

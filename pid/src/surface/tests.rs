@@ -35,18 +35,21 @@ fn config() -> SurfaceConfig {
     }
 }
 
-/// Flies `value'' = 31.6 (actuator + push)` from `start` for three seconds: the values, sample by
+/// Gain of the plant that is flown.
+const GAIN: f64 = 31.6;
+
+/// Flies `value'' = GAIN (actuator + push)` from `start` for three seconds: the values, sample by
 /// sample. The servo takes a new target 8 ms after every third sample.
 fn fly<T: Scalar>(config: &SurfaceConfig, start: f64, push: f64) -> Vec<f64> {
-    fly_upset::<T>(config, start, push, &|_, _| {})
+    fly_upset::<T>(config, (start, push, GAIN), &mut |_, _| {})
 }
 
-/// The same, where `upset` may change the law's state before each sample.
+/// The same with a plant of any gain, where `upset` sees and may change the law's state before each
+/// sample.
 fn fly_upset<T: Scalar>(
     config: &SurfaceConfig,
-    start: f64,
-    push: f64,
-    upset: &dyn Fn(u32, &mut SurfaceState<T>),
+    (start, push, gain): (f64, f64, f64),
+    upset: &mut dyn FnMut(u32, &mut SurfaceState<T>),
 ) -> Vec<f64> {
     const FINE: i32 = 100;
     let dt = PERIOD / f64::from(FINE);
@@ -76,7 +79,7 @@ fn fly_upset<T: Scalar>(
                 let asked = ((target - actuator) / 0.03).clamp(-5.5, 5.5);
                 speed += dt / 0.01 * (asked - speed);
                 actuator += dt * speed;
-                rate += dt * 31.6 * (actuator + push);
+                rate += dt * gain * (actuator + push);
                 value += dt * rate;
             }
             value
@@ -116,7 +119,7 @@ fn holds_against_a_steady_push() {
 #[test]
 fn a_number_that_is_wrong_is_forgotten() {
     for number in 0..SurfaceState::<Q16>::NUMBERS {
-        let path = fly_upset::<Q16>(&config(), 0.2, 0.0, &|sample, state| {
+        let path = fly_upset::<Q16>(&config(), (0.2, 0.0, GAIN), &mut |sample, state| {
             if sample == 200 {
                 let mut numbers = Vec::new();
                 state.tell(&mut |each| numbers.push(each));
@@ -128,6 +131,35 @@ fn a_number_that_is_wrong_is_forgotten() {
         let most = path[200..].iter().fold(0.0_f64, |most, value| most.max(value.abs()));
         let last = path.last().unwrap().abs();
         assert!(most < 0.15 && last < 0.01, "number {number}: up to {most}, in the end {last}");
+    }
+}
+
+/// The largest value in the last second, and the estimates of the gain: the largest and the last.
+fn with_gain(gain: f64) -> (f64, f32, f32) {
+    let (mut most, mut last) = (0.0_f32, 0.0_f32);
+    let path = fly_upset::<Q16>(&config(), (0.4, 0.0, gain), &mut |_, state| {
+        last = state.plant_gain().into();
+        most = most.max(last);
+    });
+    (path[300..].iter().fold(0.0, |most: f64, value| most.max(value.abs())), most, last)
+}
+
+/// As configured it swings by 6 mrad. Twice as quick, it would swing by 0.8 rad without an
+/// estimate.
+#[test]
+fn the_gain_of_a_quick_plant_is_found_and_it_hardly_swings() {
+    for share in [1.2, 1.5, 1.8, 2.0] {
+        let (swing, _, last) = with_gain(share * GAIN);
+        assert!(swing < 0.014, "{share}: swings by {swing}");
+        assert!((f64::from(last) / share - 1.0).abs() < 0.06, "{share}: {last}");
+    }
+}
+
+#[test]
+fn the_gain_of_a_plant_as_configured_or_slower_is_left_alone() {
+    for share in [0.5, 0.8, 1.0] {
+        let (_, most, last) = with_gain(share * GAIN);
+        assert!(most < 1.15 && last < 1.1, "{share}: {most}, {last}");
     }
 }
 
@@ -293,6 +325,7 @@ fn a_plant_that_is_held_does_not_wind_it_up() {
     assert!((law.state.value.now - 0.3).abs() < 0.02, "{}", law.state.value.now);
     assert!(law.state.rate.now.abs() < 0.2, "{}", law.state.rate.now);
     assert!(law.state.disturbance().abs() <= 0.3);
+    assert_eq!(law.state.plant_gain(), 1.0);
 }
 
 proptest! {

@@ -58,6 +58,7 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
         "debug_vect",
         "tilt_sd",
         "head_sd",
+        "gain",
     ];
     assert_eq!(telemetry.pending(), expected.map(golden).concat());
 }
