@@ -65,7 +65,7 @@ fn after(fault: SensorFault) -> Option<SensorFault> {
         DeadSensor { .. } => SelfTest { result: 1 },
         SelfTest { .. } => System { error: 1 },
         System { .. } => configuration(7),
-        Configuration { register: 7, .. } => configuration(0x3B),
+        Configuration { register: 7, .. } => configuration(0x41),
         Configuration { .. } => Profile { register: 1 },
         Profile { .. } => Clock,
         Clock => Reset,

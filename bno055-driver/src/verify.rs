@@ -48,20 +48,21 @@ impl Check {
         Transfer::read(self as u8, len)
     }
 
-    /// The fault in the answer, if any.
+    /// The fault in the answer, if any. A chip that has reset itself has the data sheet's reset
+    /// values (its table 4-2).
     pub(crate) fn judge(self, bytes: &[u8], config: &Config) -> Result<(), SensorFault> {
         // None of these registers is ever 0xFF.
         if bytes.contains(&0xFF) {
             return Err(SensorFault::AllOnes);
         }
         let [map, sign] = config.axes.registers();
-        let (mask, expected) = match self {
-            Self::Mode => (0x0F, config.mode as u8),
-            Self::Page => (0xFF, 0),
-            Self::Units => (0x97, config.units.register()),
-            Self::AxisMap => (0x3F, map),
-            Self::AxisSign => (0x07, sign),
-            Self::Power => (0x03, config.power as u8),
+        let (mask, expected, reset) = match self {
+            Self::Mode => (0x0F, config.mode as u8, 0),
+            Self::Page => (0xFF, 0, 0),
+            Self::Units => (0x97, config.units.register(), 0x80),
+            Self::AxisMap => (0x3F, map, 0x24),
+            Self::AxisSign => (0x07, sign, 0),
+            Self::Power => (0x03, config.power as u8, 0),
             Self::Identity => {
                 let ids = bytes.try_into().map_err(|_| SensorFault::Protocol)?;
                 return identify(ids, config);
@@ -84,7 +85,7 @@ impl Check {
         };
         match found & mask {
             found if found == expected => Ok(()),
-            0 if self == Self::Mode => Err(SensorFault::Reset),
+            found if found == reset => Err(SensorFault::Reset),
             _ => Err(SensorFault::Configuration { register: self as u8, found }),
         }
     }
