@@ -29,6 +29,8 @@ pub trait Scalar:
     const ZERO: Self;
     /// 1.
     const ONE: Self;
+    /// The largest value below 1.
+    const BELOW_ONE: Self;
 
     /// Half of it, rounded down.
     fn half(self) -> Self;
@@ -60,6 +62,7 @@ impl Scalar for f32 {
 
     const ZERO: Self = 0.0;
     const ONE: Self = 1.0;
+    const BELOW_ONE: Self = 1.0 - Self::EPSILON / 2.0;
 
     #[inline]
     fn half(self) -> Self {
@@ -143,6 +146,7 @@ impl Scalar for Q16 {
 
     const ZERO: Self = Self(0);
     const ONE: Self = Self(1 << Self::FRACTION);
+    const BELOW_ONE: Self = Self((1 << Self::FRACTION) - 1);
 
     #[inline]
     fn half(self) -> Self {

@@ -165,7 +165,15 @@ impl<T: Scalar> SurfaceState<T> {
 
     /// A factor of the configured gain with the estimated one.
     fn with_gain(&self, factor: T) -> T {
-        factor + factor * self.excess
+        let (_, excess) = self.excess.split();
+        factor + factor.times(excess)
+    }
+
+    /// A factor of the inverse of the configured gain with the estimated one, within 5 %.
+    fn without_gain(&self, factor: T) -> T {
+        let (_, excess) = self.excess.split();
+        let (_, less) = (self.excess - self.excess.times(excess).half()).split();
+        factor - factor.times(less)
     }
 }
 
@@ -275,7 +283,7 @@ impl<T: Scalar> Surface<T> {
             if change < T::ZERO { (-change, -innovation) } else { (change, innovation) };
         if change > self.c.learn_from {
             let more = self.c.learn * innovation.clamped(-change, change);
-            state.excess = (state.excess + more).clamped(T::ZERO, T::ONE);
+            state.excess = (state.excess + more).clamped(T::ZERO, T::BELOW_ONE);
         }
     }
 
@@ -329,9 +337,8 @@ impl<T: Scalar> Surface<T> {
         let back = state.with_gain(c.return_gain) * square;
         let x = value + time_s * (rate + back.times(c.way_share));
         let deviation = rate + back + c.surface(x);
-        // 1 / (1 + excess), within 0.05.
-        let less = state.excess - (state.excess * state.excess).half();
-        let lead = ((c.gain - c.gain * less) * deviation).clamped(-c.lead_limit, c.lead_limit);
+        let lead = state.without_gain(c.gain) * deviation;
+        let lead = lead.clamped(-c.lead_limit, c.lead_limit);
         (away - state.disturbance - lead).clamped(-c.limit, c.limit)
     }
 }
