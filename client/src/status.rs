@@ -145,8 +145,8 @@ impl StatusTracker {
             }
             MavMessage::NAMED_VALUE_FLOAT(m) => match crate::text(&m.name) {
                 "tilt_sd" => status.tilt_sd_deg = Some(m.value),
-                "gain" => status.plant_gain = Some(m.value),
                 "head_sd" => status.heading_sd_deg = Some(m.value),
+                "gain" => status.plant_gain = Some(m.value),
                 _ => {}
             },
             MavMessage::SYS_STATUS(m) => {

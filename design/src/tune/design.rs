@@ -162,7 +162,7 @@ impl Run {
 
     /// What the search minimises of them: most flights and nearly the worst within the limit, and
     /// overshoot that comes near to what is allowed. The first half of it counts for the worst
-    /// start alone.
+    /// group of starts alone.
     pub fn cost(&self, required: &Requirements) -> (f64, f64) {
         let ratio =
             |flight: &Flight| Some(flight.settling_s.unwrap_or(UNSETTLED_S) / flight.start.limit_s);
