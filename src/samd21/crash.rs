@@ -37,9 +37,9 @@ const LAST_FRAMES: u32 = 6;
 /// Frames of 50 Hz in which a slow servo turns through all of its travel: 0.6 s.
 const REFUSED_FRAMES: u32 = 30;
 
-/// Frames of 50 Hz with neutral pulses at the start behind a lock-up. Longer, the sensor would be
-/// without a burst for longer than it need be.
-const FIRST_FRAMES_US: u32 = 2 * 20_000;
+/// Time of the neutral pulses at the start behind a lock-up, us: two frames of 50 Hz. The sensor
+/// waits for as long.
+const FIRST_PULSES_US: u32 = 2 * 20_000;
 
 /// Half of the time for which neutral pulses go on before a reset, us. The watchdog, which is fed
 /// before either half, takes 89 ms where its oscillator is 40 % fast: this, a frame and a pulse are
@@ -194,7 +194,7 @@ pub(crate) fn behind_lock_up(pm: &pac::Pm, starts: u32) {
         leave_to_bootloader(Record::new(HANG, 0), is_sent);
     }
     if is_sent {
-        time::delay_us(FIRST_FRAMES_US);
+        time::delay_us(FIRST_PULSES_US);
         frame::end_pulses();
     }
 }

@@ -27,6 +27,7 @@ use tvc_nano::ticks::{TickPlan, TimerPlan, Timing};
 use tvc_nano::{Axis, SelfCheck};
 
 use super::clocks::clock_frame_again;
+use super::interrupts::{hold_ticks, within_tick};
 use super::time::{self, now, soon};
 use super::wiring::Output;
 use super::{crash, i2c, watchdog};
@@ -458,8 +459,8 @@ pub(crate) fn length_us() -> u16 {
 
 /// The newest tick, once.
 pub(crate) fn take_tick() -> Option<Tick> {
-    critical_section::with(|cs| {
-        time::seen(cs);
+    hold_ticks(|cs| {
+        time::seen();
         TICK.borrow(cs).take()
     })
 }
@@ -498,6 +499,6 @@ fn TCC0() {
             time::wake_before(at.after(limit_us.load(Ordering::Relaxed).into()));
         }
         let tick = Tick { at, is_carried: last, rates_only };
-        critical_section::with(|cs| TICK.borrow(cs).set(Some(tick)));
+        TICK.borrow(within_tick()).set(Some(tick));
     }
 }

@@ -23,6 +23,7 @@ use tvc_nano::SelfCheck;
 use tvc_nano::application;
 use tvc_nano::bus::{Answer, Completion, Master};
 
+use super::interrupts::{hold_ticks, within_tick};
 use super::time::{now, within};
 use super::{crash, log, wake};
 use crate::boards::WIRING;
@@ -45,12 +46,12 @@ const STOP_HURRIED_US: u64 = 550;
 
 static MASTER: Mutex<RefCell<Master<Sercom>>> = Mutex::new(RefCell::new(Master::new(Sercom)));
 
-/// Access the shared state with interrupts held off.
+/// Access the state that the main loop shares with the interrupts.
 fn with_master<R>(action: impl FnOnce(&mut Master<Sercom>) -> R) -> R {
-    critical_section::with(|cs| with_master_held(cs, action))
+    hold_ticks(|cs| with_master_held(cs, action))
 }
 
-/// The same for who holds interrupts off already.
+/// The same for who holds the interrupts off already.
 fn with_master_held<R>(
     held: CriticalSection<'_>,
     action: impl FnOnce(&mut Master<Sercom>) -> R,
@@ -225,17 +226,14 @@ impl Bus {
     }
 }
 
-/// A tick has come: start its burst.
+/// A tick has come: start its burst. For its interrupt.
 pub(crate) fn start_burst(time: Micros, rates_only: bool) {
-    wake_if(with_master(|master| master.start_burst(time, rates_only)));
+    wake_if(with_master_held(within_tick(), |master| master.start_burst(time, rates_only)));
 }
 
 /// The wire has done what it was told; for the handler of the interrupt of the board's SERCOM.
 pub(crate) fn wire_ready() {
-    // SAFETY: what shares the master with this interrupt holds it off, or has its priority; the
-    // interrupts above it do not touch the master.
-    let held = unsafe { CriticalSection::new() };
-    wake_if(with_master_held(held, |master| master.advance(now)));
+    wake_if(with_master_held(within_tick(), |master| master.advance(now)));
 }
 
 /// Makes [`wire_ready`] the handler of the interrupt of this name, which must be that of the

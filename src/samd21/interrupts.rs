@@ -4,6 +4,7 @@ use atsamd_hal::pac::Interrupt;
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::{NVIC, SCB};
+use critical_section::CriticalSection;
 
 use super::i2c;
 
@@ -26,6 +27,42 @@ pub(crate) fn start(scb: &mut SCB) {
     enable::<{ i2c::INTERRUPT }>(1);
     enable::<{ Interrupt::WDT as u16 }>(0);
     enable::<{ Interrupt::USB as u16 }>(3);
+}
+
+/// What the interrupts of the tick and of the sensor's bus share with the main loop. They alone are
+/// held off: a program that hangs in `action` is still ended by SysTick and by the watchdog.
+pub(crate) fn hold_ticks<R>(action: impl FnOnce(CriticalSection<'_>) -> R) -> R {
+    let held = hold();
+    // SAFETY: the token stands for what these interrupts share, which those above leave alone.
+    // Enabled again are those that were.
+    unsafe {
+        let result = action(CriticalSection::new());
+        (*NVIC::PTR).iser[0].write(held);
+        result
+    }
+}
+
+/// Gives those that were enabled.
+#[inline(never)]
+fn hold() -> u32 {
+    const LINES: u32 = 1 << Interrupt::TCC0 as u16 | 1 << i2c::INTERRUPT;
+    // SAFETY: the barriers have the core take none of them from here on (ARMv6-M Architecture
+    // Reference Manual, B3.4.4).
+    let held = unsafe {
+        let held = (*NVIC::PTR).iser[0].read() & LINES;
+        (*NVIC::PTR).icer[0].write(held);
+        held
+    };
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
+    held
+}
+
+/// What the interrupts of the tick and of the sensor's bus share, for one of them: they have the
+/// same priority, and so hold each other off.
+pub(crate) fn within_tick() -> CriticalSection<'static> {
+    // SAFETY: the main loop holds both off while it has hold of what they share.
+    unsafe { CriticalSection::new() }
 }
 
 fn enable<const NUMBER: u16>(level: u8) {

@@ -11,8 +11,9 @@
 //! | 3 | USB | masks itself; wakes the main loop |
 //!
 //! Nothing above the main loop takes more than some 10 us, so a tick's burst starts within a few
-//! microseconds of its compare match. Interrupts are held off for single looks at what is shared
-//! with them: some microseconds.
+//! microseconds of its compare match. The main loop holds off those of priority 1 while it has hold
+//! of what they share, some microseconds, and all of them for a few instructions: a program that
+//! hangs with all of them held off is ended by the watchdog alone, which would cut a pulse.
 //!
 //! # No endless waits
 //! Every wait for hardware is bounded but one, at start-up before the first pulse and before the

@@ -6,6 +6,7 @@
 //! either pending, which [`now`] sees, or done.
 
 use core::cell::Cell;
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use atsamd_hal::pac::{SCB, SYST};
 use cortex_m::peripheral::syst::SystClkSource;
@@ -27,7 +28,7 @@ static ELAPSED_US: Mutex<Cell<u64>> = Mutex::new(Cell::new(0));
 static ALARM: Mutex<Cell<Micros>> = Mutex::new(Cell::new(Micros(0)));
 
 /// An interrupt has [asked to be seen in time](wake_before), and nobody has looked since.
-static UNSEEN: Mutex<Cell<bool>> = Mutex::new(Cell::new(false));
+static UNSEEN: AtomicBool = AtomicBool::new(false);
 
 /// Start the clock at zero.
 pub(crate) fn start(syst: &mut SYST) {
@@ -63,7 +64,9 @@ pub(crate) fn sleep_until(deadline: Micros, turn: Micros) -> (Micros, u32) {
     let (is_unseen, is_turn, is_last) = critical_section::with(|cs| {
         ALARM.borrow(cs).set(end);
         let interrupted = Micros(ELAPSED_US.borrow(cs).get());
-        (UNSEEN.borrow(cs).take(), !may_sleep(interrupted, turn), !may_sleep(interrupted, end))
+        let is_unseen = UNSEEN.load(Ordering::Relaxed);
+        UNSEEN.store(false, Ordering::Relaxed);
+        (is_unseen, !may_sleep(interrupted, turn), !may_sleep(interrupted, end))
     });
     // It came after its reader had looked: the deadlines are not the newest.
     if is_unseen {
@@ -85,13 +88,13 @@ pub(crate) fn wake_before(deadline: Micros) {
     critical_section::with(|cs| {
         let alarm = ALARM.borrow(cs);
         alarm.set(alarm.get().min(deadline));
-        UNSEEN.borrow(cs).set(true);
     });
+    UNSEEN.store(true, Ordering::Relaxed);
 }
 
 /// What the interrupt had to say has been read.
-pub(crate) fn seen(cs: CriticalSection) {
-    UNSEEN.borrow(cs).set(false);
+pub(crate) fn seen() {
+    UNSEEN.store(false, Ordering::Relaxed);
 }
 
 /// Whether `turn` comes before the next interrupt of SysTick.
@@ -155,12 +158,13 @@ pub(crate) fn within(limit_us: u64, ready: impl Fn() -> bool) -> bool {
 #[exception]
 fn SysTick() {
     watchdog::tick();
-    critical_section::with(|cs| {
-        let elapsed = ELAPSED_US.borrow(cs);
-        let interrupted = elapsed.get() + TIMER_PERIOD_US;
-        elapsed.set(interrupted);
-        if !may_sleep(Micros(interrupted), ALARM.borrow(cs).get()) {
-            wake::request();
-        }
-    });
+    // SAFETY: nothing interrupts the highest priority, and the watchdog's warning, which has it
+    // too, does not look at the clock.
+    let cs = unsafe { CriticalSection::new() };
+    let elapsed = ELAPSED_US.borrow(cs);
+    let interrupted = elapsed.get() + TIMER_PERIOD_US;
+    elapsed.set(interrupted);
+    if !may_sleep(Micros(interrupted), ALARM.borrow(cs).get()) {
+        wake::request();
+    }
 }

@@ -24,17 +24,21 @@ pub(crate) fn request() {
 /// Sleep until an interrupt [asks](request), unless one has asked already.
 ///
 /// Interrupts are not held off in sleep, as WFI would need it: a wrong jump from there into a loop
-/// that waits could never end.
+/// that waits could never end. An interrupt that has come back with all held off, by a bit that has
+/// flipped in its code, ends the sleep too; the loop then has them go on.
 pub(crate) fn sleep() {
     cortex_m::interrupt::disable();
     if !REQUESTED.load(Ordering::Relaxed) {
         sleep_on_exit(SLEEPONEXIT);
     }
-    // SAFETY: as before it. Nobody calls this from within a critical section.
-    unsafe { cortex_m::interrupt::enable() };
-    // An interrupt that asks in front of WFE is an event, with which WFE does not sleep (ARMv6-M
-    // Architecture Reference Manual, B1.5.18).
-    while !REQUESTED.load(Ordering::Relaxed) {
+    loop {
+        // SAFETY: as before it. Nobody calls this from within a critical section.
+        unsafe { cortex_m::interrupt::enable() };
+        if REQUESTED.load(Ordering::Relaxed) {
+            break;
+        }
+        // An interrupt that asks in front of WFE is an event, with which WFE does not sleep
+        // (ARMv6-M Architecture Reference Manual, B1.5.18).
         cortex_m::asm::wfe();
     }
     REQUESTED.store(false, Ordering::Relaxed);

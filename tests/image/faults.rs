@@ -509,6 +509,32 @@ fn a_lock_up_in_the_check_of_the_image_leaves_the_rudder_at_neutral() {
     assert!(behind.iter().all(|pulse| neutral.contains(&pulse.width_us())));
 }
 
+/// A handler that comes back with all interrupts held off, as a flipped bit in it may have it, ends
+/// no flight: the main loop lets them go on when it sleeps next.
+#[test]
+fn interrupts_that_stay_held_off_go_on() {
+    const SYSTICK: u32 = 15;
+    /// TCC0, line 15.
+    const TICK: u32 = 16 + 15;
+    let mut flight = in_flight();
+    let Ready { rig, station, .. } = &mut flight;
+    for exception in [SYSTICK, TICK] {
+        let mut registers = (0..100_000)
+            .find_map(|_| {
+                rig.run_for(Ticks(20)).unwrap();
+                let registers = rig.chip.registers();
+                let is_in_handler = !registers.primask && registers.xpsr & 0x1FF == exception;
+                is_in_handler.then_some(registers)
+            })
+            .expect("the exception");
+        registers.primask = true;
+        rig.chip.set_registers(&registers);
+        station.run(rig, ms(200)).unwrap();
+        assert_eq!(rig.resets().len(), 0, "behind exception {exception}");
+        assert_eq!(station.state(), Some(StateKind::Active));
+    }
+}
+
 fn refuses_to_start(mut flight: Ready, place: u32, bit: u8) {
     let Ready { rig, station, .. } = &mut flight;
     let sound = rig.chip.memory.flash()[place as usize];
