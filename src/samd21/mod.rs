@@ -12,8 +12,8 @@
 //!
 //! Nothing above the main loop takes more than some 10 us, so a tick's burst starts within a few
 //! microseconds of its compare match. The main loop holds off those of priority 1 while it has hold
-//! of what they share, some microseconds, and all of them for a few instructions: a program that
-//! hangs with all of them held off is ended by the watchdog alone, which would cut a pulse.
+//! of what they share, for some microseconds. All are held off for a few instructions at most: the
+//! watchdog alone ends a program that hangs so, and may cut a pulse.
 //!
 //! # No endless waits
 //! Every wait for hardware is bounded but one, at start-up before the first pulse and before the
