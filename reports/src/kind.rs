@@ -99,10 +99,19 @@ pub fn try_folder(folder: &Path) -> Result<()> {
 /// # Errors
 /// As [`page`].
 pub fn image_or_folder(path: &str) -> Result<PathBuf, String> {
-    if Path::new(path).is_dir() {
-        return Ok(path.into());
-    }
-    image(path)
+    folder_or(path, Kind::Image)
+}
+
+/// The path of a table to write, or a folder that takes tables.
+///
+/// # Errors
+/// As [`page`].
+pub fn table_or_folder(path: &str) -> Result<PathBuf, String> {
+    folder_or(path, Kind::Table)
+}
+
+fn folder_or(path: &str, kind: Kind) -> Result<PathBuf, String> {
+    if Path::new(path).is_dir() { Ok(path.into()) } else { output(path, &[kind]) }
 }
 
 /// The path of a log to write, which must not be there yet.

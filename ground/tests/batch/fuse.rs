@@ -248,7 +248,9 @@ fn several_recordings_go_to_a_folder_and_have_a_mean() {
     let out = folder.path().join("est");
     let file = recording();
     let files = [file.to_str().unwrap(), copy.to_str().unwrap()];
-    let said = json(&[&files[..], &["--json", "--out", out.to_str().unwrap()]].concat());
+    let arguments = [&files[..], &["--json", "--out", out.to_str().unwrap()]].concat();
+    let said = json(&arguments);
+    assert_eq!(json(&arguments), said, "the folder is there");
     for name in ["broad_11_cut.csv", "copy.csv"] {
         assert!(!estimates(&out.join(name)).is_empty());
     }

@@ -95,7 +95,7 @@ pub struct Fuse {
 
     /// Where to write the estimates. With several recordings a folder, and in it the recordings'
     /// names with the ending .csv.
-    #[arg(long, value_name = "EST.csv", required_unless_present_any = ["score", "json"], value_parser = kind::table)]
+    #[arg(long, value_name = "EST.csv", required_unless_present_any = ["score", "json"], value_parser = kind::table_or_folder)]
     pub out: Option<PathBuf>,
 
     /// Score the estimates against the recordings' references.
