@@ -37,9 +37,9 @@ const LAST_FRAMES: u32 = 6;
 /// Frames of 50 Hz in which a slow servo turns through all of its travel: 0.6 s.
 const REFUSED_FRAMES: u32 = 30;
 
-/// Time of the neutral pulses at the start behind a lock-up, us: two frames of 50 Hz. The sensor
-/// waits for as long.
-const FIRST_PULSES_US: u32 = 2 * 20_000;
+/// Time for which neutral pulses go on at the start behind a lock-up, us: to the end of the second.
+/// The sensor waits for as long.
+const FIRST_PULSES_US: u32 = 20_000 + frame::FIRST_RISE_US + frame::LONGEST_PULSE_US;
 
 /// Half of the time for which neutral pulses go on before a reset, us. The watchdog, which is fed
 /// before either half, takes 89 ms where its oscillator is 40 % fast: this, a frame and a pulse are

@@ -277,6 +277,9 @@ fn reset() -> bool {
     ready
 }
 
+/// From the end of [`send_pulses`] to the first of its pulses, us.
+pub(super) const FIRST_RISE_US: u32 = 1_000;
+
 /// Send these pulses, in counts, 50 times a second without a tick: for an image that is not to do
 /// more. Widths that no servo answers to send no pulse. The code that sets the timer up may be
 /// damaged: the pulses go out only if the timer's registers read back as meant.
@@ -298,8 +301,9 @@ pub(crate) fn send_pulses(counts: [u32; Axis::COUNT]) {
     is_right &= modes.prescaler().is_div16() && modes.enable().bit_is_set();
     is_right &= timer.wave().read().wavegen().is_npwm();
     is_right &= timer.per().read().bits() == LAST_COUNT;
-    // The servos come in between two pulses, of which none is cut short.
-    time::delay_us(10_000);
+    // The servos come in behind the pulse with which the timer starts, were its clock half as fast,
+    // too: none is cut short.
+    time::delay_us(2 * LONGEST_PULSE_US);
     for ((servo, channel), counts) in WIRING.servos.iter().zip(SERVO_CHANNELS).zip(counts) {
         let is_pulse = PULSE_COUNTS.contains(&counts);
         if is_right && is_pulse && timer.cc(channel % CHANNELS).read().bits() == counts {
@@ -307,6 +311,10 @@ pub(crate) fn send_pulses(counts: [u32; Axis::COUNT]) {
             servo.pin.connect(servo.function);
         }
     }
+    // The rest of the first frame is left out.
+    let shortly_before = LAST_COUNT - COUNTS_PER_US * FIRST_RISE_US;
+    // SAFETY: as above.
+    timer.count().write(|w| unsafe { w.bits(shortly_before) });
 }
 
 /// These pulses are going to be [sent](send_pulses): a fault from here on ends between two of them,
