@@ -301,9 +301,9 @@ pub(crate) fn send_pulses(counts: [u32; Axis::COUNT]) {
     is_right &= modes.prescaler().is_div16() && modes.enable().bit_is_set();
     is_right &= timer.wave().read().wavegen().is_npwm();
     is_right &= timer.per().read().bits() == LAST_COUNT;
-    // The servos come in behind the pulse with which the timer starts, were its clock half as fast,
-    // too: none is cut short.
-    time::delay_us(2 * LONGEST_PULSE_US);
+    // The servos come in behind the pulse with which the timer starts: none is cut short. A watchdog
+    // whose time-out a flipped bit has made the shortest, 9 ms at most, resets before that.
+    time::delay_us(10_000);
     for ((servo, channel), counts) in WIRING.servos.iter().zip(SERVO_CHANNELS).zip(counts) {
         let is_pulse = PULSE_COUNTS.contains(&counts);
         if is_right && is_pulse && timer.cc(channel % CHANNELS).read().bits() == counts {
