@@ -40,7 +40,7 @@ settings! {
 impl VqfGains {
     /// For [`offline`](crate#features) use: two passes smooth more than one.
     pub const fn offline() -> Self {
-        Self { acc_tau_s: 2.4, acc_smoothing_s: 1.5, mag_tau_s: 18.0 }
+        Self { acc_tau_s: 2.4, acc_smoothing_s: 1.4, mag_tau_s: 18.0 }
     }
 
     /// The constants of the published filter: Butterworth with 3 s, heading 9 s.
