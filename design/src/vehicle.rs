@@ -179,6 +179,9 @@ impl Vehicle {
     ) -> Result<Self> {
         let mut file: Table =
             text.parse().map_err(|error: toml::de::Error| SetupError::Syntax(error.to_string()))?;
+        if file.is_empty() {
+            bail!("no vehicle in it: neither [drone] nor [rocket], nor another table");
+        }
         let mut vehicle = Self {
             kind: VehicleKind::Drone,
             setup: base,
@@ -372,6 +375,7 @@ mod tests {
             (spica("[drone]"), "unknown table [drone]"),
             ("[two_axes]\nspin = 3".to_owned(), "spin"),
             ("[plane]".to_owned(), "unknown table [plane]"),
+            ("# cut off".to_owned(), "no vehicle in it"),
         ] {
             let refused = format!("{:#}", read(&text).unwrap_err());
             assert!(refused.contains(why), "{text}: {refused}");
