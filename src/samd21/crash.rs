@@ -37,10 +37,6 @@ const LAST_FRAMES: u32 = 6;
 /// Frames of 50 Hz in which a slow servo turns through all of its travel: 0.6 s.
 const REFUSED_FRAMES: u32 = 30;
 
-/// Time for which neutral pulses go on at the start behind a lock-up, us: to the end of the second.
-/// The sensor waits for as long.
-const FIRST_PULSES_US: u32 = 20_000 + frame::FIRST_RISE_US + frame::LONGEST_PULSE_US;
-
 /// Half of the time for which neutral pulses go on before a reset, us. The watchdog, which is fed
 /// before either half, takes 89 ms where its oscillator is 40 % fast: this, a frame and a pulse are
 /// less.
@@ -194,7 +190,9 @@ pub(crate) fn behind_lock_up(pm: &pac::Pm, starts: u32) {
         leave_to_bootloader(Record::new(HANG, 0), is_sent);
     }
     if is_sent {
-        time::delay_us(FIRST_PULSES_US);
+        // The sensor waits for as long.
+        frame::begin_next();
+        time::delay_us(frame::SECOND_PULSE_US);
         frame::end_pulses();
     }
 }

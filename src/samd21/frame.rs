@@ -277,14 +277,13 @@ fn reset() -> bool {
     ready
 }
 
-/// From the end of [`send_pulses`] to the first of its pulses, us.
-pub(super) const FIRST_RISE_US: u32 = 1_000;
+/// Last count of a frame of [`send_pulses`].
+const LAST_COUNT: u32 = COUNTS_PER_US * 20_000 - 1;
 
 /// Send these pulses, in counts, 50 times a second without a tick: for an image that is not to do
 /// more. Widths that no servo answers to send no pulse. The code that sets the timer up may be
 /// damaged: the pulses go out only if the timer's registers read back as meant.
 pub(crate) fn send_pulses(counts: [u32; Axis::COUNT]) {
-    const LAST_COUNT: u32 = COUNTS_PER_US * 20_000 - 1;
     let timer = frame_registers();
     let mut is_right = reset();
     is_right &= soon(|| timer.syncbusy().read().wave().bit_is_clear());
@@ -301,8 +300,8 @@ pub(crate) fn send_pulses(counts: [u32; Axis::COUNT]) {
     is_right &= modes.prescaler().is_div16() && modes.enable().bit_is_set();
     is_right &= timer.wave().read().wavegen().is_npwm();
     is_right &= timer.per().read().bits() == LAST_COUNT;
-    // The servos come in behind the pulse with which the timer starts: none is cut short. A watchdog
-    // whose time-out a flipped bit has made the shortest, 9 ms at most, resets before that.
+    // The servos come in between two pulses, of which none is cut short. A watchdog whose time-out a
+    // flipped bit has made the shortest resets before the first of them.
     time::delay_us(10_000);
     for ((servo, channel), counts) in WIRING.servos.iter().zip(SERVO_CHANNELS).zip(counts) {
         let is_pulse = PULSE_COUNTS.contains(&counts);
@@ -311,10 +310,17 @@ pub(crate) fn send_pulses(counts: [u32; Axis::COUNT]) {
             servo.pin.connect(servo.function);
         }
     }
-    // The rest of the first frame is left out.
-    let shortly_before = LAST_COUNT - COUNTS_PER_US * FIRST_RISE_US;
-    // SAFETY: as above.
-    timer.count().write(|w| unsafe { w.bits(shortly_before) });
+}
+
+/// Time behind [`begin_next`], us, at which the second pulse is over.
+pub(super) const SECOND_PULSE_US: u32 = BEGIN_US + 20_000 + LONGEST_PULSE_US;
+const BEGIN_US: u32 = 1_000;
+
+/// The next frame of [`send_pulses`] begins in a millisecond.
+pub(crate) fn begin_next() {
+    let shortly_before = LAST_COUNT - COUNTS_PER_US * BEGIN_US;
+    // SAFETY: as in `send_pulses`.
+    frame_registers().count().write(|w| unsafe { w.bits(shortly_before) });
 }
 
 /// These pulses are going to be [sent](send_pulses): a fault from here on ends between two of them,
