@@ -300,8 +300,8 @@ pub(crate) fn send_pulses(counts: [u32; Axis::COUNT]) {
     is_right &= modes.prescaler().is_div16() && modes.enable().bit_is_set();
     is_right &= timer.wave().read().wavegen().is_npwm();
     is_right &= timer.per().read().bits() == LAST_COUNT;
-    // The servos come in between two pulses, of which none is cut short. A watchdog whose time-out a
-    // flipped bit has made the shortest resets before the first of them.
+    // The servos come in between two pulses, of which none is cut short. A watchdog whose time-out
+    // a flipped bit has made the shortest resets before the first of them.
     time::delay_us(10_000);
     for ((servo, channel), counts) in WIRING.servos.iter().zip(SERVO_CHANNELS).zip(counts) {
         let is_pulse = PULSE_COUNTS.contains(&counts);
