@@ -19,7 +19,7 @@ use atsamd_hal::clock::Tcc0Tcc1Clock;
 use atsamd_hal::pac;
 use atsamd_hal::pac::interrupt;
 use cortex_m::peripheral::SCB;
-use critical_section::Mutex;
+use critical_section::{CriticalSection, Mutex};
 use tvc_nano::config::{PULSE_MAX_US, PULSE_MIN_US};
 use tvc_nano::sampling::Tick;
 use tvc_nano::servo::PulseUs;
@@ -27,7 +27,7 @@ use tvc_nano::ticks::{TickPlan, TimerPlan, Timing};
 use tvc_nano::{Axis, SelfCheck};
 
 use super::clocks::clock_frame_again;
-use super::interrupts::{hold_ticks, within_tick};
+use super::interrupts::hold_ticks;
 use super::time::{self, now, soon};
 use super::wiring::Output;
 use super::{crash, i2c, watchdog};
@@ -312,11 +312,12 @@ pub(crate) fn send_pulses(counts: [u32; Axis::COUNT]) {
     }
 }
 
-/// Time behind [`begin_next`], us, at which the second pulse is over.
-pub(super) const SECOND_PULSE_US: u32 = BEGIN_US + 20_000 + LONGEST_PULSE_US;
+/// From [`begin_next`] to the frame that it begins, us.
 const BEGIN_US: u32 = 1_000;
+/// From [`begin_next`] to the end of the second pulse, us.
+pub(super) const SECOND_PULSE_US: u32 = BEGIN_US + 20_000 + LONGEST_PULSE_US;
 
-/// The next frame of [`send_pulses`] begins in a millisecond.
+/// Leaves out what is left of a frame of [`send_pulses`].
 pub(crate) fn begin_next() {
     let shortly_before = LAST_COUNT - COUNTS_PER_US * BEGIN_US;
     // SAFETY: as in `send_pulses`.
@@ -507,12 +508,14 @@ fn TCC0() {
     if due {
         let at = now();
         let rates_only = last && IS_SPLIT.load(Ordering::Relaxed);
-        i2c::start_burst(at, rates_only);
+        // SAFETY: the bus's interrupt has the same priority, and the main loop holds both off.
+        let held = unsafe { CriticalSection::new() };
+        i2c::start_burst(held, at, rates_only);
         // The burst's end wakes the main loop, or its being late does.
         if let Some(limit_us) = BURST_LIMITS_US.get(usize::from(rates_only)) {
             time::wake_before(at.after(limit_us.load(Ordering::Relaxed).into()));
         }
         let tick = Tick { at, is_carried: last, rates_only };
-        TICK.borrow(within_tick()).set(Some(tick));
+        TICK.borrow(held).set(Some(tick));
     }
 }

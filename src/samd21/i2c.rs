@@ -23,7 +23,7 @@ use tvc_nano::SelfCheck;
 use tvc_nano::application;
 use tvc_nano::bus::{Answer, Completion, Master};
 
-use super::interrupts::{hold_ticks, within_tick};
+use super::interrupts::hold_ticks;
 use super::time::{now, within};
 use super::{crash, log, wake};
 use crate::boards::WIRING;
@@ -226,14 +226,16 @@ impl Bus {
     }
 }
 
-/// A tick has come: start its burst. For its interrupt.
-pub(crate) fn start_burst(time: Micros, rates_only: bool) {
-    wake_if(with_master_held(within_tick(), |master| master.start_burst(time, rates_only)));
+/// A tick has come: start its burst.
+pub(crate) fn start_burst(held: CriticalSection<'_>, time: Micros, rates_only: bool) {
+    wake_if(with_master_held(held, |master| master.start_burst(time, rates_only)));
 }
 
 /// The wire has done what it was told; for the handler of the interrupt of the board's SERCOM.
 pub(crate) fn wire_ready() {
-    wake_if(with_master_held(within_tick(), |master| master.advance(now)));
+    // SAFETY: the tick's interrupt has the same priority, and the main loop holds both off.
+    let held = unsafe { CriticalSection::new() };
+    wake_if(with_master_held(held, |master| master.advance(now)));
 }
 
 /// Makes [`wire_ready`] the handler of the interrupt of this name, which must be that of the

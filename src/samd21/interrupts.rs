@@ -30,7 +30,8 @@ pub(crate) fn start(scb: &mut SCB) {
 }
 
 /// What the interrupts of the tick and of the sensor's bus share with the main loop. They alone are
-/// held off: a program that hangs in `action` is still ended by SysTick and by the watchdog.
+/// held off: SysTick and the watchdog still end a program that hangs in `action`. Its token is for
+/// what these interrupts share, and for nothing of SysTick's.
 pub(crate) fn hold_ticks<R>(action: impl FnOnce(CriticalSection<'_>) -> R) -> R {
     let held = hold();
     // SAFETY: the token stands for what these interrupts share, which those above leave alone.
@@ -42,7 +43,7 @@ pub(crate) fn hold_ticks<R>(action: impl FnOnce(CriticalSection<'_>) -> R) -> R 
     }
 }
 
-/// Gives those that were enabled.
+/// Disables the lines of both; gives those that were enabled.
 #[inline(never)]
 fn hold() -> u32 {
     const LINES: u32 = 1 << Interrupt::TCC0 as u16 | 1 << i2c::INTERRUPT;
@@ -56,13 +57,6 @@ fn hold() -> u32 {
     cortex_m::asm::dsb();
     cortex_m::asm::isb();
     held
-}
-
-/// What the interrupts of the tick and of the sensor's bus share, for one of them: they have the
-/// same priority, and so hold each other off.
-pub(crate) fn within_tick() -> CriticalSection<'static> {
-    // SAFETY: the main loop holds both off while it has hold of what they share.
-    unsafe { CriticalSection::new() }
 }
 
 fn enable<const NUMBER: u16>(level: u8) {
