@@ -49,7 +49,7 @@ pub struct Config<G> {
     pub mag_lag_s: f32,
     /// Weight of `mag_lag_s` against the lag that the field shows while the body turns, rad^2/s:
     /// square of the rate across the field, times time. `f32::INFINITY` learns nothing. Fixed point
-    /// never learns the lag.
+    /// learns in [`FieldLag`](crate::fixed::FieldLag).
     pub mag_lag_prior_rad2_s: f32,
     /// Magnetic declination, east positive (rad). With it, north is geographic.
     pub declination_rad: f32,

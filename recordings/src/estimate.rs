@@ -114,6 +114,7 @@ where
     let step_us = (period_us / parts).round() as u32;
     let estimator = fixed::Estimator::<F>::new(&config, &scale, step_us).map_err(refused)?;
     Ok(Box::new(Counted {
+        lag: fixed::FieldLag::new(&config).map_err(refused)?,
         state: estimator.start(),
         estimator,
         scale,
@@ -169,6 +170,7 @@ pub(crate) fn double<T: Real>(value: T) -> f64 {
 struct Counted<F> {
     estimator: fixed::Estimator<F>,
     state: fixed::State,
+    lag: fixed::FieldLag,
     scale: fixed::Scale,
     /// Number of equal steps that a sampling period is divided into.
     parts: u32,
@@ -190,6 +192,7 @@ impl<F: fixed::Filter> Engine for Counted<F> {
             self.owed_us -= whole_us;
             let counts = fixed::Counts { gyr, acc, mag };
             self.estimator.update(&mut self.state, whole_us as u32, &counts);
+            self.lag.learn(&mut self.estimator, &self.state, whole_us as u32, &counts);
         }
         let orientation = self.estimator.orientation(&self.state);
         orientation.wxyz_q30.map(f64::from)

@@ -57,7 +57,7 @@ use super::counts::{Counts, PERIOD_US, Scale};
 use super::field::{Compass, size};
 use super::filters::{Filter, Heading, Pace, View};
 use super::format::{Q15, are_within, normalised};
-use super::lag;
+use super::lag::{self, Lag};
 use super::orientation::{Angles, Orientation};
 use super::quality::{Uncertainty, UncertaintyState, job};
 use super::rest::{self, Rest};
@@ -244,15 +244,22 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     /// The whole estimate in float, with these rates of the newest sample, counts. It takes many
     /// cycles.
     pub fn attitude(&self, state: &State, gyr: &[i16; 3]) -> Attitude {
-        let bias = state.rotation.bias;
-        let bias = bias.map(|bias| bias as f32 / 512.0 * self.gyr_rad_s);
-        let rate = gyr.map(|rate| f32::from(rate) * self.gyr_rad_s);
         Attitude {
             orientation: self.orientation(state).quaternion(),
-            rate: difference(&rate, &bias),
-            bias,
+            rate: self.rate(state, gyr),
+            bias: self.bias(state),
             flags: self.flags(state),
         }
+    }
+
+    /// Gyroscope offset, rad/s.
+    fn bias(&self, state: &State) -> [f32; 3] {
+        state.rotation.bias.map(|bias| bias as f32 / 512.0 * self.gyr_rad_s)
+    }
+
+    /// Rotation rate of these counts, less the offset, rad/s.
+    pub(super) fn rate(&self, state: &State, gyr: &[i16; 3]) -> [f32; 3] {
+        difference(&gyr.map(|rate| f32::from(rate) * self.gyr_rad_s), &self.bias(state))
     }
 
     /// Health of the estimate. A gap is a step of more than 1.25 periods in the last quarter of a
@@ -362,7 +369,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             let samples = tick.wrapping_sub(state.heading_tick).min(4 << shift) as i32;
             state.heading_tick = tick;
             let compass = &mut state.compass;
-            let sine = self.compass.heading(compass, &products, &down, mag, tick);
+            let sine = self.compass.heading(compass, &products, &down, mag, (tick, limit != 0));
             Heading { sine, samples }
         });
         let view =
@@ -509,6 +516,13 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             dt_us = self.max_short_dt_us;
         }
         (dt_us >> (self.coarse_shift & 31), self.turn_shift - self.coarse_shift)
+    }
+}
+
+impl<F> Estimator<F, Late> {
+    /// The field's lag is known better, s.
+    pub(super) fn set_mag_lag_s(&mut self, lag_s: f32) {
+        self.sensors.mag = Lag::unit(self.gyr_rad_s).times(lag_s);
     }
 }
 

@@ -142,6 +142,11 @@ impl CompassState {
         (self.judged == LEARNING).then_some([north >> BITS, down >> BITS])
     }
 
+    /// The same while the field has its full weight.
+    pub(super) fn trusted(&self) -> Option<[i32; 2]> {
+        self.reference().filter(|_| self.weight == FULL)
+    }
+
     /// The reciprocal follows the reference by a Newton step.
     fn invert(&mut self) {
         self.limit = (self.reference[0] >> (BITS - 4)).min(self.limit + (self.limit >> 1));
@@ -163,12 +168,13 @@ impl Compass {
         in_range(config.reject_s, 0.1, 1e3, "field.reject_s")?;
         in_range(config.adopt_rate_rad_s, 0.0, 10.0, "field.adopt_rate_rad_s")?;
         let samples = |time_s: f32| (time_s / period_s) as u32;
+        let interval = u32::from(JUDGE_SAMPLES).max((JUDGE_S / period_s) as u32 + 1);
         Ok(Self {
-            interval: u32::from(JUDGE_SAMPLES).max((JUDGE_S / period_s) as u32 + 1),
+            interval,
             gate: (config.gate.min(64.0) * 256.0) as i32,
             // Below 32 counts the reciprocal would not fit.
             min_horizontal: ((MIN_HORIZONTAL_UT / scale.mag_ut) as i32).max(32) << BITS,
-            follow: nearest_log2(config.tau_s / JUDGE_S).min(15).into(),
+            follow: nearest_log2(config.tau_s / (interval as f32 * period_s)).min(15).into(),
             max_rejected: samples(config.reject_s),
             max_turned: samples(config.adopt_s),
             adopt_rate: (config.adopt_rate_rad_s / scale.gyr_rad_s) as u32,
@@ -189,7 +195,8 @@ impl Compass {
         }
     }
 
-    /// Sine of the heading error that a field in counts shows, times its weight.
+    /// Sine of the heading error that a field in counts shows, times its weight. The heading may be
+    /// off by any angle if it is `unknown`.
     #[inline(always)]
     pub(super) fn heading(
         &self,
@@ -197,7 +204,7 @@ impl Compass {
         p: &Products,
         down: &[Q15; 3],
         mag: &[i32; 3],
-        tick: u32,
+        (tick, unknown): (u32, bool),
     ) -> Q15 {
         let (north, east) = (dot(&p.north(), mag), dot(&p.east(), mag));
         if tick.wrapping_sub(state.judge_at) as i32 >= 0 {
@@ -208,9 +215,12 @@ impl Compass {
         }
         let sign = east >> 31;
         let size = (east ^ sign) - sign;
-        // Beyond a right angle the whole field counts as transverse, and twice: the heading returns
-        // sooner.
-        let across = if north < 0 { 2 * state.limit } else { (size >> 11).min(state.limit) };
+        // Beyond a right angle the whole field counts as transverse, and twice while any heading is
+        // possible: it is found sooner.
+        let across = match north < 0 {
+            true => state.limit << u32::from(unknown),
+            false => (size >> 11).min(state.limit),
+        };
         let sine = (((across * state.inverse) >> 12) * state.weight) >> 3;
         sign - (sine ^ sign)
     }
@@ -317,4 +327,21 @@ fn length(a: i32, b: i32) -> i32 {
     let more = positive(a - b);
     let (larger, smaller) = (b + more, a - more);
     larger + positive((smaller >> 1) - (larger >> 3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A power of two is within a factor of the root of two.
+    #[test]
+    fn the_reference_follows_at_the_configured_pace() {
+        for period_us in [500_u16, 1_000, 3_500, 6_667, 10_000] {
+            let (config, period_s) = (FieldConfig::default(), f32::from(period_us) * 1e-6);
+            let compass = Compass::new(&config, &Scale::BNO055, period_s).expect("in range");
+            let judgement_s = compass.interval as f32 * period_s;
+            let ratio = (1u32 << compass.follow) as f32 * judgement_s / config.tau_s;
+            assert!((0.7..1.42).contains(&ratio), "{ratio} times tau_s at {period_us} us");
+        }
+    }
 }

@@ -58,7 +58,7 @@ impl Sensors for Ideal {
 pub struct Late {
     gyr: Lag,
     acc: Lag,
-    mag: Lag,
+    pub(super) mag: Lag,
 }
 
 impl Sensors for Late {
