@@ -1,4 +1,4 @@
-//! What only the board can tell of itself: the flight learns from it, SYS_STATUS carries it.
+//! The state of the board's parts, which the flight uses and SYS_STATUS sends.
 
 use crate::ticks::BurstTimes;
 

@@ -1,17 +1,17 @@
-//! The guard of what must not change by itself: a bit of memory may flip.
+//! Guards the flight's memory against flipped bits.
 //!
 //! The flight consists of settings, which only orders change, and a state, which every step
-//! changes. The guard keeps a sum of each. A sum is compared before the value is changed or used,
-//! and taken anew when the change is over; no check computes a value anew.
+//! changes. The guard keeps a checksum of each. It compares the checksum before the value is
+//! changed or used, and computes it anew when the change is over.
 //!
-//! | what | is compared |
+//! | what | its checksum is compared |
 //! |---|---|
 //! | state | before a step, before a packet of the host, before parameters are loaded |
 //! | settings | behind the write of a step's pulses and before their edge, before a packet, before a save |
 
 use crate::flight::Flight;
 
-/// Sums of a flight as it was left.
+/// Checksums of a flight as it was left.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Guard {
     /// `None` while it is being changed.
@@ -73,7 +73,7 @@ mod tests {
     use crate::params::Params;
     use core::cell::Cell;
 
-    /// The sum of everything.
+    /// The checksum of everything.
     struct Told(Cell<u32>);
 
     impl Sum for Told {

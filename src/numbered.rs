@@ -1,4 +1,4 @@
-//! Enums whose variants are numbers with words, for what the vehicle and its hosts tell each other.
+//! Enums whose variants have a number and a text, for messages between the vehicle and its hosts.
 
 use core::fmt;
 

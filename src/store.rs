@@ -10,19 +10,14 @@
 //!                          '------------- covered by the CRC -------------------------'
 //! ```
 //!
-//! `board` is the [`BoardId`] of the board that has saved the set: on another one nobody has seen
-//! yet which way a rudder answers.
+//! `board` is the [`BoardId`] of the board that saved the set: on another board the polarity counts
+//! as unchecked.
 //!
 //! All numbers are little-endian, values are `f32`. The first page, with the mark, is written last.
 //! A value goes by the hash of its parameter's name ([`crate::params::Info::id`]), so that a newer
 //! image keeps what it still knows of an older image's set.
 //!
-//! Older images had two slots of 512 bytes in what is the second slot now. The first of them begins
-//! where that does, and is read as such; the other one is looked at as well, until the second slot
-//! is written.
-//!
-//! A key-value store out of a library (`sequential-storage`, 8.9 KB of code) keeps each value by
-//! itself; here all of them must change together, and the code takes a tenth of that.
+//! Until the second slot is written, it may hold two old slots of 512 bytes, which are read, too.
 
 use core::convert::Infallible;
 use core::fmt;

@@ -31,9 +31,9 @@
 //! clients that take only angles (MAVSDK's Euler angles, MAVProxy's horizon); QGroundControl takes
 //! the quaternion.
 //!
-//! MAV_CMD_RUN_PREARM_CHECKS is answered as an order to arm would be, without a word besides.
+//! MAV_CMD_RUN_PREARM_CHECKS gets the COMMAND_ACK that an order to arm would get, without a text.
 //!
-//! MAV_CMD_REQUEST_MESSAGE has each of the messages that come by themselves sent once more.
+//! On MAV_CMD_REQUEST_MESSAGE the vehicle sends any message that it streams once more.
 //!
 //! HEARTBEAT carries [`State::code`](crate::State::code) as `custom_mode`. Every frame has the
 //! system id of `MAV_SYSID` as it was at start-up.

@@ -1,4 +1,5 @@
-//! What changes from step to step, as words of 32 bits: it is told, and a replay goes on from it.
+//! The state of the flight as words of 32 bits: telemetry sends them, and a replay continues from
+//! them.
 
 use tvc_fusion::fixed;
 use tvc_imu::Micros;

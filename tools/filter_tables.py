@@ -78,7 +78,7 @@ def table(head, rows):
 def scores(files):
     """The table of all filters, and that of a few."""
     rows = []
-    few = [["VQF 2.1.2, lag taken off", "1.953", "0.631"]]
+    few = [["VQF 2.1.2, gyroscope lag compensated", "1.953", "0.631"]]
     for name, filter_, scalar in FILTERS:
         of = ["--filter", filter_, "--scalar", scalar]
         full, tilt = mean(files, *of), mean(files, *of, "--mode", "6d")

@@ -17,8 +17,9 @@ const row = {
 const other = { ...row, name: "SRV_DIR", meaning: "direction", group: "Servo", range: "-1, 1", between: null, choices: [-1, 1] };
 const vehicle = {
   port: "nano", connected: true, problem: "", state: "standby", reason: "", armed: false, in_operation: false,
-  can_release: false, can_arm: true, refusal: "", unhealthy: [], attitude_hz: 300, messages: 1, lost: 0, crc_errors: 0, dropped: 0, missed: 0,
-  bus_errors: 0, round_trip_ms: null, recording: null, recording_failure: null,
+  can_release: false, can_arm: true, refusal: "", unhealthy: [], attitude_hz: 300, messages: 1, lost: 0, crc_errors: 0,
+  // Not told yet.
+  dropped: null, missed: null, bus_errors: null, round_trip_ms: null, recording: null, recording_failure: null,
 };
 const frame = {
   time_s: 1, count: 1, attitude_deg: [0, 17, 0], rate_deg_s: 0, servo_deg: 0, pulse_us: 1500, set_deg: 0, latency_ms: 4, load_pct: 20,

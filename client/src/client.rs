@@ -28,7 +28,7 @@ use mavlink::dialects::common::{MavAutopilot, MavCmd, MavMessage};
 use tvc_nano::failsafe::{StateCode, StateKind};
 
 use crate::request::{self, Order};
-use crate::state::StateTracker;
+use crate::state::{state_name, state_of};
 use crate::wire::{Frame, LinkCounts, Wire};
 
 pub use failure::Failure;
@@ -131,7 +131,12 @@ pub struct Client {
     autopilot: Option<MavAutopilot>,
     /// The vehicle's system id, 0 before it has been heard.
     vehicle: u8,
-    state: StateTracker,
+    /// `custom_mode` of the last heartbeat.
+    code: Option<u32>,
+    /// The vehicle's words about its state.
+    reason: String,
+    /// The next text explains the newest state.
+    explains: bool,
     /// The vehicle's words, if they were its last message.
     words: Option<String>,
     next: u64,
@@ -254,23 +259,23 @@ impl Client {
 
     /// The state of the flight by the last heartbeat; `None` before it, or for an unknown one.
     pub fn state(&self) -> Option<StateKind> {
-        self.state.state()
+        self.code.and_then(state_of)
     }
 
     /// The state by the last heartbeat, and the kind of reason for it; `None` as for
     /// [`Self::state`].
     pub fn state_code(&self) -> Option<StateCode> {
-        self.state.code()
+        self.code.and_then(|code| StateCode::try_from(code).ok())
     }
 
     /// The state in words.
     pub fn state_name(&self) -> String {
-        self.state.name()
+        state_name(self.code.unwrap_or(u32::MAX))
     }
 
     /// The vehicle's words about its state; empty before it said any.
     pub fn reason(&self) -> &str {
-        self.state.reason()
+        &self.reason
     }
 
     /// System id of the vehicle, 0 before it has been heard.

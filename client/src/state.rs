@@ -1,10 +1,7 @@
 //! The firmware's states and reasons as they come over the link: HEARTBEAT's `custom_mode` is a
 //! [`StateCode`].
 
-use mavlink::dialects::common::MavMessage;
 use tvc_nano::failsafe::{ReasonKind, StateCode, StateKind};
-
-use crate::text;
 
 /// The state in a `custom_mode`; `None` for one that this version of the firmware's library does
 /// not have.
@@ -31,55 +28,9 @@ pub fn is_in_operation(state: StateKind) -> bool {
     state.is_armed() || state == StateKind::Failsafe
 }
 
-/// The state and the vehicle's words about it.
-#[derive(Clone, Debug, Default)]
-pub struct StateTracker {
-    code: Option<u32>,
-    reason: String,
-    /// The next text explains the newest state.
-    explains: bool,
-}
-
-impl StateTracker {
-    /// Takes in a message of the vehicle: a new state is followed by a text that explains it.
-    pub fn take(&mut self, message: &MavMessage) {
-        match message {
-            MavMessage::HEARTBEAT(beat) => {
-                self.explains = self.code.replace(beat.custom_mode) != Some(beat.custom_mode);
-            }
-            MavMessage::STATUSTEXT(words) if core::mem::take(&mut self.explains) => {
-                text(&words.text).clone_into(&mut self.reason);
-            }
-            _ => {}
-        }
-    }
-
-    /// The vehicle's words about its state; empty before it said any.
-    pub fn reason(&self) -> &str {
-        &self.reason
-    }
-
-    /// The state and the kind of reason for it; `None` before the first heartbeat, or for one that
-    /// this version of the firmware's library does not have.
-    pub fn code(&self) -> Option<StateCode> {
-        self.code.and_then(|code| StateCode::try_from(code).ok())
-    }
-
-    /// The state; `None` before the first heartbeat, or for an unknown one.
-    pub fn state(&self) -> Option<StateKind> {
-        self.code.and_then(state_of)
-    }
-
-    /// The state in words.
-    pub fn name(&self) -> String {
-        state_name(self.code.unwrap_or(u32::MAX))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mavlink::dialects::common::{HEARTBEAT_DATA, STATUSTEXT_DATA};
 
     #[test]
     fn states_and_reasons_are_those_of_the_firmware() {
@@ -90,31 +41,5 @@ mod tests {
         assert_eq!(state_name(StateCode::SelfTest(None).number()), "self-test");
         assert_eq!(state_of(200), None);
         assert_eq!(state_name(200), "unknown (200)");
-    }
-
-    #[test]
-    fn the_text_behind_a_new_state_is_its_reason() {
-        let mut tracker = StateTracker::default();
-        assert_eq!(tracker.state(), None);
-        assert_eq!(tracker.name(), "unknown (255)");
-        let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-            custom_mode: StateCode::Failsafe(ReasonKind::Tilt).number(),
-            ..HEARTBEAT_DATA::default()
-        });
-        for message in [
-            &beat,
-            &said("failsafe: tilt beyond 60 deg"),
-            &said("arm refused: in failsafe"),
-            &beat,
-            &said("something else"),
-        ] {
-            tracker.take(message);
-        }
-        assert_eq!(tracker.state(), Some(StateKind::Failsafe));
-        assert_eq!(tracker.reason(), "failsafe: tilt beyond 60 deg");
-    }
-
-    fn said(words: &str) -> MavMessage {
-        MavMessage::STATUSTEXT(STATUSTEXT_DATA { text: words.into(), ..STATUSTEXT_DATA::default() })
     }
 }

@@ -9,7 +9,7 @@ pub const START: u8 = 0xFD;
 /// Bytes of a frame before its payload.
 pub const HEADER: usize = 10;
 /// Where a frame has the number of the system that sent it.
-const SYSTEM_AT: usize = 5;
+pub const SYSTEM_AT: usize = 5;
 /// Bytes of a frame's checksum.
 pub const CHECKSUM: usize = 2;
 /// Bytes of a frame's signature.

@@ -38,8 +38,6 @@ pub use writer::Writer;
 
 /// Bytes of time before a frame.
 const STAMP: usize = 8;
-/// Where a frame has the number of the system that sent it.
-pub const SYSTEM_AT: usize = 5;
 
 /// A message of a log.
 #[derive(Clone, Debug, PartialEq)]
@@ -295,7 +293,7 @@ pub fn whole_us(low_us: u32, near_us: u64) -> u64 {
 
 /// Whether an autopilot sent it, whatever its system's number is: stations are other components.
 pub fn is_from_vehicle(frame: &[u8]) -> bool {
-    frame.get(SYSTEM_AT + 1) == Some(&COMPONENT_ID)
+    frame.get(client::wire::SYSTEM_AT + 1) == Some(&COMPONENT_ID)
 }
 
 /// Whether the file's name has this extension, in small letters or large.

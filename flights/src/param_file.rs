@@ -12,6 +12,7 @@ use anyhow::Result;
 use client::Parameter;
 use tvc_nano::Params;
 
+use crate::log::has_extension;
 use report::exit::BadInput;
 use report::input;
 
@@ -45,7 +46,7 @@ pub fn is_polarity(name: &str) -> bool {
 pub fn read(path: &Path) -> Result<File> {
     let text = input::text(path)
         .map_err(|error| BadInput::new(format!("cannot read {}: {error}", path.display())))?;
-    parse(&text).map_err(|why| BadInput::new(format!("{}: {why}", path.display())).into())
+    parse(&text).map_err(|why| BadInput::of(path, why).into())
 }
 
 /// The parameters in the text of a file. Every value is checked as in [`read`].
@@ -118,7 +119,7 @@ const COMPONENT: u8 = 1;
 
 /// Whether a file is QGroundControl's, by its name.
 pub fn is_for_qgroundcontrol(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension == "params")
+    has_extension(path, "params")
 }
 
 /// The text of a file for QGroundControl, which loads it into a vehicle of the same system id.

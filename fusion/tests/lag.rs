@@ -61,8 +61,7 @@ fn fixed_error_deg<F: fixed::Filter>(late: (f64, f64), config: &Config<F::Gains>
     (error, lag.lag_s())
 }
 
-/// Of a filter's errors and learned lags: `of` runs it with a configuration on sensors that are late
-/// by this.
+/// `of` runs a filter with a configuration on late sensors, and gives its error and learned lag.
 fn lags_are_made_good_for<G: Default + Copy>(of: impl Fn((f64, f64), &Config<G>) -> (f64, f32)) {
     let late = (0.006, 0.03);
     let ignored = Config::<G>::default().without_lags();

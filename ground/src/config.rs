@@ -4,7 +4,7 @@
 use std::env;
 use std::path::PathBuf;
 
-use clap::{Command, ValueEnum};
+use clap::Command;
 use rig::ServoKind;
 use serde::Deserialize;
 
@@ -73,10 +73,7 @@ impl Config {
             place(text).map_err(|why| at("place", why))?;
         }
         if let Some(text) = &config.servo {
-            let names = ServoKind::value_variants().iter().map(|kind| kind.name());
-            let names: Vec<_> = names.collect();
-            ServoKind::from_str(text, false)
-                .map_err(|_| at("servo", format!("{text} is not one of {}", names.join(", "))))?;
+            text.parse::<ServoKind>().map_err(|why| at("servo", why))?;
         }
         Ok(config)
     }
@@ -147,7 +144,10 @@ mod tests {
             ("# mine\nprot = \"x\"\n", "line 2: unknown field `prot`"),
             ("port = 7\n", "line 1: invalid type"),
             ("\n\nport = \n", "line 3"),
-            ("\nservo = \"s9999\"\n", "line 2: servo: s9999 is not one of s3003, digital"),
+            (
+                "\nservo = \"s9999\"\n",
+                "line 2: servo: there is no servo s9999; there are s3003, digital",
+            ),
             ("place = \"91,0\"\n", "line 1: place: a place is"),
         ] {
             let path = write(folder.path(), "tvc.toml", text);

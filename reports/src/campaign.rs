@@ -3,7 +3,6 @@
 //! again.
 
 use std::fs::File;
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -106,12 +105,12 @@ pub fn on_threads<R: Send>(
     let threads = rayon::ThreadPoolBuilder::new().num_threads(jobs.map_or(0, usize::from));
     let template = format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} to go");
     let bar = bar(steps, &template);
-    let (is_drawn, begun) = (std::io::stderr().is_terminal(), Instant::now());
+    let begun = Instant::now();
     let done = threads.build()?.install(|| {
         work(&|| {
             bar.inc(1);
             let position = bar.position();
-            if !is_drawn && begun.elapsed() > INTERVAL && 10 * position % steps < 10 {
+            if bar.is_hidden() && begun.elapsed() > INTERVAL && 10 * position % steps < 10 {
                 eprintln!("{position}/{steps} {what}");
             }
         })

@@ -53,7 +53,8 @@ const HEAD: u64 = 4096;
 
 /// Parsers of the path of a file to write, by the kinds that it may have. They refuse the name of
 /// another kind, a place with a file of another kind, and a place that takes no file; those by
-/// [`named`] refuse the name of no kind, too.
+/// [`named`] refuse the name of no kind, too. Those by [`folder_or`] also take a folder that is
+/// there.
 macro_rules! parsers {
     ($($parse:ident: $($name:ident $([$kind:ident])+),+;)+) => {
         $($(
@@ -67,6 +68,7 @@ macro_rules! parsers {
 parsers! {
     output: page [Page], table [Table], parameters [Parameters], toml [Toml], image [Image];
     named: waves [Waves], archive [Archive], log [Log], log_or_table [Log] [Table];
+    folder_or: image_or_folder [Image], table_or_folder [Table];
 }
 
 /// The path of a file to write: the one that was given, or else the usual one, which is looked at
@@ -94,24 +96,8 @@ pub fn try_folder(folder: &Path) -> Result<()> {
     Ok(taken.map_err(refused)?)
 }
 
-/// The path of an image to write, or a folder that takes it, such as a board's drive.
-///
-/// # Errors
-/// As [`page`].
-pub fn image_or_folder(path: &str) -> Result<PathBuf, String> {
-    folder_or(path, Kind::Image)
-}
-
-/// The path of a table to write, or a folder that takes tables.
-///
-/// # Errors
-/// As [`page`].
-pub fn table_or_folder(path: &str) -> Result<PathBuf, String> {
-    folder_or(path, Kind::Table)
-}
-
-fn folder_or(path: &str, kind: Kind) -> Result<PathBuf, String> {
-    if Path::new(path).is_dir() { Ok(path.into()) } else { output(path, &[kind]) }
+fn folder_or(path: &str, kinds: &[Kind]) -> Result<PathBuf, String> {
+    if Path::new(path).is_dir() { Ok(path.into()) } else { output(path, kinds) }
 }
 
 /// The path of a log to write, which must not be there yet.

@@ -1,6 +1,5 @@
 //! Progress on standard error: on a terminal a line that is drawn again and again.
 
-use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -30,36 +29,25 @@ fn drawn(bar: ProgressBar, template: &str) -> ProgressBar {
 pub struct Progress {
     bar: ProgressBar,
     /// When a line is due, where there is no terminal.
-    due: Option<Instant>,
-    whole: u64,
+    due: Instant,
     done: u64,
 }
 
 impl Progress {
     /// Begins, for work of the size `whole`.
     pub fn new(whole: u64) -> Self {
-        let terminal = std::io::stderr().is_terminal();
-        let bar = match terminal {
-            true => bar(whole, "{wide_bar} {percent:>3} %  {eta}  {msg}"),
-            false => ProgressBar::hidden(),
-        };
-        Self { bar, due: (!terminal).then(|| Instant::now() + INTERVAL), whole, done: 0 }
+        let bar = bar(whole.max(1), "{wide_bar} {percent:>3} %  {eta}  {msg}");
+        Self { bar, due: Instant::now() + INTERVAL, done: 0 }
     }
 
     /// Reports that `done` of the part `name` is done.
     pub fn at(&mut self, name: &str, done: u64) {
         let position = self.done + done;
-        match self.due {
-            None => {
-                self.bar.set_message(name.to_owned());
-                self.bar.set_position(position);
-            }
-            Some(due) if Instant::now() >= due => {
-                let percent = 100 * position / self.whole.max(1);
-                eprintln!("{percent} %: {name}");
-                self.due = Some(Instant::now() + INTERVAL);
-            }
-            Some(_) => {}
+        self.bar.set_message(name.to_owned());
+        self.bar.set_position(position);
+        if self.bar.is_hidden() && Instant::now() >= self.due {
+            eprintln!("{} %: {name}", 100 * position / self.bar.length().unwrap_or(1));
+            self.due = Instant::now() + INTERVAL;
         }
     }
 

@@ -1,15 +1,15 @@
-//! The sum of the memory that values lie in: a flipped bit shows by it.
+//! The checksum of the memory that a value lies in, by which a flipped bit is found.
 
 use core::arch::asm;
 use core::mem::size_of;
 use core::ptr::from_ref;
 
-/// An odd number, so that another sum makes another product. Its bits are those of the golden
-/// ratio, so that few flipped bits of a sum make many of the product.
+/// An odd number, so that another checksum makes another product. Its bits are those of the golden
+/// ratio, so that few flipped bits of a checksum make many of the product.
 const FACTOR: u32 = 0x9E37_79B9;
 
 /// A number that changes with any bit of the words that a value lies in, those between its fields,
-/// too: no step of the sum gives the same for two different words.
+/// too: no step of the checksum gives the same for two different words.
 pub(super) fn of<T>(value: &T) -> u32 {
     const { assert!(align_of::<T>() >= 4) };
     of_words(from_ref(value).addr(), size_of::<T>() / 4)
@@ -34,7 +34,7 @@ fn of_words(from: usize, words: usize) -> u32 {
 }
 
 /// With twelve words more, and the address behind them. Every second word is multiplied with the
-/// sum before it.
+/// checksum before it.
 fn with_twelve(mut at: usize, mut sum: u32) -> (usize, u32) {
     // SAFETY: reads twelve words of a value in RAM. Assembly, because what flips a bit is no write
     // that the compiler knows of, and one instruction loads three words in four cycles.

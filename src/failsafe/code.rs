@@ -1,10 +1,9 @@
-//! States, reasons and refusals as numbers, for whoever is told of them: one vocabulary for the
-//! vehicle and its hosts.
+//! States, reasons and refusals as numbers, the same for the vehicle and its hosts.
 //!
 //! HEARTBEAT's `custom_mode` carries a [`StateCode`], COMMAND_ACK's `result_param1` a
-//! [`RefusalKind`](super::RefusalKind). Each number has a type that it is read into (`TryFrom`) and
-//! words for it (`Display`), and all of them stand once: in the lists that
-//! [`numbered!`](crate::numbered) and `detailed!` take.
+//! [`RefusalKind`](super::RefusalKind). Each number has a type that parses it (`TryFrom`) and
+//! names it (`Display`). The lists that [`numbered!`](crate::numbered) and `detailed!` take
+//! define each number once.
 
 use core::fmt;
 

@@ -1,10 +1,10 @@
 //! The last rows of flash, where parameters are stored.
 //!
 //! Erasing a row (256 bytes) takes up to 6 ms, writing a page (64 bytes) up to 2.5 ms (data sheet,
-//! table 37-41). The processor runs from the same flash and stands still meanwhile, interrupts and
-//! all, while the timers and with them the servo's pulses go on. So nothing is written while the
-//! drone is armed; a save costs a few steps their samples, and [`super::time`], which counts
-//! SysTick's interrupts, falls behind by what was stood still.
+//! table 37-41). The processor runs from the same flash and stands still meanwhile, and so do its
+//! interrupts; the timers and the servo's pulses go on. So nothing is written while the drone is
+//! armed. A save costs a few steps their samples, and [`super::time`], which counts SysTick's
+//! interrupts, falls behind by the time of the standstill.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 

@@ -1,11 +1,10 @@
-//! The image in flash, read twenty times a second: a bit of it that flips is noticed within 50 ms,
-//! before or after it has done harm. Less often is too seldom: where the image was read four times
-//! a second, two flipped bits of 2,500 drove a rudder wrongly for more than 200 ms.
+//! Checks the image in flash twenty times a second, so that a flipped bit is found within 50 ms. At
+//! four times a second, two flipped bits of 2,500 drive a rudder wrongly for more than 200 ms.
 //!
-//! The DSU's engine reads the image beside the core, a slice behind each step ([`Engine`]). Its sum
-//! must be that which the image was sealed with (`image-build/src/seal.rs`). Where the sum differs,
-//! or does not come, the core reads the image, and its sum decides: an engine that fails ends no
-//! flight. From then on the core reads the slices.
+//! The DSU's engine reads the image beside the core, a slice after each step ([`Engine`]). Its
+//! checksum must be the one that the image was sealed with (`image-build/src/seal.rs`). If the
+//! checksum differs or does not come, the core reads the image and its own checksum decides: an
+//! engine that fails ends no flight. From then on the core reads the slices.
 //!
 //! An image that lost a bit while nothing ran sends neutral pulses for a moment and is left to the
 //! bootloader.
@@ -23,13 +22,13 @@ unsafe extern "C" {
     static __edata: u32;
 }
 
-/// Where in the image its sums are, the core's two and the engine's: reserved exceptions. Zeros in
-/// an image that is not sealed.
+/// Where in the image its checksums are, the core's two and the engine's: reserved exceptions.
+/// Zeros in an image that is not sealed.
 pub(super) const SEAL: Range<usize> = 0x1C..0x28;
 /// Bytes read behind a step.
 pub(super) const SLICE: usize = 16 * 1024;
 
-/// Fletcher's sums of words, modulo 2^32: any one flipped bit changes them, and any two of
+/// Fletcher's checksums of words, modulo 2^32: any one flipped bit changes them, and any two of
 /// different words.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 struct Sums {
@@ -100,7 +99,7 @@ impl ImageCheck {
         }
     }
 
-    /// Reads a slice by the core, 1 ms. `false` if it was the last one and the sums are wrong.
+    /// Reads a slice by the core, 1 ms. `false` if it was the last one and a checksum is wrong.
     fn read_slice(&mut self) -> bool {
         if self.at == begin() {
             self.sums = Sums::default();

@@ -5,7 +5,7 @@
 //! | priority | interrupt | does |
 //! |---|---|---|
 //! | 0 (highest) | SysTick, 1 kHz | counts time; resets a program that hangs, between two pulses |
-//! | 0 | WDT | early warning: the servo to neutral, whatever else hangs but SysTick's own handler. Looks at no clock |
+//! | 0 | WDT | early warning: the servo to neutral, unless SysTick's own handler hangs. Reads no clock |
 //! | 1 | TCC0 | the tick: starts the armed burst, wakes the main loop |
 //! | 1 | SERCOM of the sensor's bus | the sensor bus, a byte at a time; wakes the main loop behind the last |
 //! | 3 | USB | masks itself; wakes the main loop |

@@ -1,9 +1,9 @@
 //! Time since start-up in microseconds, 64 bits wide, from SysTick.
 //!
 //! SysTick interrupts every millisecond; between interrupts its counter gives the rest. Its
-//! interrupt has the highest priority of all. So nobody can look at the clock while a millisecond
-//! has left the counter but not yet arrived in the sum. With interrupts held off the interrupt is
-//! either pending, which [`now`] sees, or done.
+//! interrupt has the highest priority, so no other code runs between the counter's overflow and the
+//! addition of that millisecond. With interrupts held off the interrupt is either pending, which
+//! [`now`] sees, or done.
 
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, Ordering};

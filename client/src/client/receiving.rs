@@ -22,7 +22,6 @@ impl Client {
     /// Takes in a frame of the vehicle: its state, and what it answers.
     pub(super) fn take(&mut self, now: Duration, frame: &Frame) {
         let message = &frame.message;
-        self.state.take(message);
         let words = mem::take(&mut self.words);
         match message {
             MavMessage::HEARTBEAT(beat)
@@ -31,9 +30,13 @@ impl Client {
                 self.heard = Some(now);
                 self.autopilot = Some(beat.autopilot);
                 self.vehicle = frame.system();
+                self.explains = self.code.replace(beat.custom_mode) != Some(beat.custom_mode);
             }
             MavMessage::STATUSTEXT(said) => {
                 let words = text(&said.text);
+                if mem::take(&mut self.explains) {
+                    words.clone_into(&mut self.reason);
+                }
                 if words == ParamError::Unknown.to_string() {
                     self.answer_first(|request| match request {
                         Request::Set(Parameter { name, .. }) | Request::Read(name) => {
@@ -129,8 +132,8 @@ impl Client {
     /// Why the vehicle refuses an order, by the kind of refusal and by what it says of its state.
     /// It tells a reason only once to a host that asks again and again.
     fn reason_of(&self, kind: RefusalKind) -> String {
-        match (kind, self.state.reason()) {
-            (RefusalKind::WrongState, "") => format!("in {}", self.state.name()),
+        match (kind, self.reason()) {
+            (RefusalKind::WrongState, "") => format!("in {}", self.state_name()),
             (RefusalKind::WrongState, state) => state.to_owned(),
             (RefusalKind::FaultPersists, state) => match state.split_once(": ") {
                 Some((_, fault)) => fault.to_owned(),

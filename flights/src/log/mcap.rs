@@ -37,49 +37,11 @@ const TRANSFORM_US: u64 = 30_000;
 /// Difference of the clocks from which the vehicle counts as restarted, us.
 const CLOCK_STEP_US: u64 = 1_000_000;
 
-/// A topic: its name, its schema's name, and the names of its fields by their JSON types.
-struct Topic(&'static str, &'static str, &'static [(&'static str, &'static str)]);
-
-const NUMBER: &str = "number";
-const INTEGER: &str = "integer";
-const STRING: &str = "string";
-const OBJECT: &str = "object";
-
-/// Names of the fields of `/attitude`.
-const ATTITUDE: &str = "q_w q_x q_y q_z roll_deg pitch_deg yaw_deg \
-                        roll_rate_deg_s pitch_rate_deg_s yaw_rate_deg_s";
-/// Names of the fields of `/counts`.
-const COUNTS: &str = "acc_x acc_y acc_z gyr_x gyr_y gyr_z mag_x mag_y mag_z";
-
-/// The topics.
-const TOPICS: [Topic; 9] = [
-    Topic("/attitude", "tvc.Attitude", &[(NUMBER, ATTITUDE)]),
-    Topic("/servo", "tvc.Servo", &[(INTEGER, "pulse_us pulse2_us")]),
-    Topic("/counts", "tvc.Counts", &[(INTEGER, COUNTS)]),
-    Topic("/command", "tvc.Command", &[(NUMBER, "crank_deg")]),
-    Topic("/state", "tvc.State", &[(STRING, "state"), (INTEGER, "code")]),
-    Topic(
-        "/health",
-        "tvc.Health",
-        &[(NUMBER, "load"), (INTEGER, "dropped missed bus_errors bus_recoveries")],
-    ),
-    Topic("/parameter", "tvc.Parameter", &[(STRING, "name"), (NUMBER, "value")]),
-    Topic(
-        "/log",
-        "foxglove.Log",
-        &[(OBJECT, "timestamp"), (INTEGER, "level line"), (STRING, "message name file")],
-    ),
-    Topic(
-        "/tf",
-        "foxglove.FrameTransform",
-        &[(OBJECT, "timestamp translation rotation"), (STRING, "parent_frame_id child_frame_id")],
-    ),
-];
-
 /// A file that is being written.
 pub struct Writer {
     file: mcap::Writer<File>,
     frames: u16,
+    /// The channels of the topics that have a message.
     topics: BTreeMap<&'static str, u16>,
     vehicle: Wire,
     clock: Clock,
@@ -99,18 +61,11 @@ impl Writer {
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true);
         let mut file = options.create(file)?;
-        let none = BTreeMap::new();
-        let frames = file.add_channel(0, FRAMES, FRAME_ENCODING, &none)?;
-        let mut topics = BTreeMap::new();
-        for Topic(name, schema, fields) in TOPICS {
-            let schema =
-                file.add_schema(schema, "jsonschema", describe(fields).to_string().as_bytes())?;
-            topics.insert(name, file.add_channel(schema, name, "json", &none)?);
-        }
+        let frames = file.add_channel(0, FRAMES, FRAME_ENCODING, &BTreeMap::new())?;
         Ok(Self {
             file,
             frames,
-            topics,
+            topics: BTreeMap::new(),
             vehicle: Wire::default(),
             clock: Clock::default(),
             transform_due_us: 0,
@@ -159,32 +114,33 @@ impl Writer {
                 let rate = [m.rollspeed, m.pitchspeed, m.yawspeed].map(f32::to_degrees);
                 if time_us >= self.transform_due_us {
                     self.transform_due_us = time_us.saturating_add(TRANSFORM_US);
-                    self.json("/tf", time_us, &transform(time_us, m))?;
+                    self.json(("/tf", "foxglove.FrameTransform"), time_us, &transform(time_us, m))?;
                 }
                 let value = json!({
                     "q_w": m.q1, "q_x": m.q2, "q_y": m.q3, "q_z": m.q4,
                     "roll_deg": roll, "pitch_deg": pitch, "yaw_deg": yaw,
                     "roll_rate_deg_s": rate[0], "pitch_rate_deg_s": rate[1], "yaw_rate_deg_s": rate[2],
                 });
-                ("/attitude", value)
+                (("/attitude", "tvc.Attitude"), value)
             }
-            MavMessage::SERVO_OUTPUT_RAW(m) => {
-                ("/servo", json!({ "pulse_us": m.servo1_raw, "pulse2_us": m.servo2_raw }))
-            }
+            MavMessage::SERVO_OUTPUT_RAW(m) => (
+                ("/servo", "tvc.Servo"),
+                json!({ "pulse_us": m.servo1_raw, "pulse2_us": m.servo2_raw }),
+            ),
             MavMessage::RAW_IMU(m) => {
                 let value = json!({
                     "acc_x": m.xacc, "acc_y": m.yacc, "acc_z": m.zacc,
                     "gyr_x": m.xgyro, "gyr_y": m.ygyro, "gyr_z": m.zgyro,
                     "mag_x": m.xmag, "mag_y": m.ymag, "mag_z": m.zmag,
                 });
-                ("/counts", value)
+                (("/counts", "tvc.Counts"), value)
             }
             MavMessage::NAMED_VALUE_FLOAT(m) if text(&m.name) == CRANKS[0] => {
-                ("/command", json!({ "crank_deg": m.value.to_degrees() }))
+                (("/command", "tvc.Command"), json!({ "crank_deg": m.value.to_degrees() }))
             }
             MavMessage::HEARTBEAT(m) => {
                 let state = state_name(m.custom_mode);
-                ("/state", json!({ "state": state, "code": m.custom_mode }))
+                (("/state", "tvc.State"), json!({ "state": state, "code": m.custom_mode }))
             }
             MavMessage::SYS_STATUS(m) => {
                 let value = json!({
@@ -192,12 +148,12 @@ impl Writer {
                     "dropped": m.errors_count1, "missed": m.errors_count2,
                     "bus_errors": m.errors_count3, "bus_recoveries": m.errors_count4,
                 });
-                ("/health", value)
+                (("/health", "tvc.Health"), value)
             }
             MavMessage::PARAM_VALUE(m) => {
                 let name = text(&m.param_id);
                 self.parameters.insert(name.to_owned(), m.param_value.to_string());
-                ("/parameter", json!({ "name": name, "value": m.param_value }))
+                (("/parameter", "tvc.Parameter"), json!({ "name": name, "value": m.param_value }))
             }
             MavMessage::AUTOPILOT_VERSION(m) => {
                 self.build = Some(vehicle_build(m));
@@ -221,11 +177,26 @@ impl Writer {
             "timestamp": timestamp(time_us), "level": level, "message": text,
             "name": "vehicle", "file": "", "line": 0,
         });
-        self.json("/log", time_us, &value)
+        self.json(("/log", "foxglove.Log"), time_us, &value)
     }
 
-    fn json(&mut self, topic: &str, time_us: u64, value: &Value) -> Result<(), McapError> {
-        self.put(self.topics[topic], time_us, value.to_string().as_bytes())
+    /// Writes a message of a topic, whose first one gives the schema.
+    fn json(
+        &mut self,
+        (topic, schema): (&'static str, &str),
+        time_us: u64,
+        value: &Value,
+    ) -> Result<(), McapError> {
+        let channel = match self.topics.get(topic) {
+            Some(channel) => *channel,
+            None => {
+                let fields = schema_of(value).to_string();
+                let schema = self.file.add_schema(schema, "jsonschema", fields.as_bytes())?;
+                let channel = self.file.add_channel(schema, topic, "json", &BTreeMap::new())?;
+                *self.topics.entry(topic).or_insert(channel)
+            }
+        };
+        self.put(channel, time_us, value.to_string().as_bytes())
     }
 
     fn put(&mut self, channel_id: u16, time_us: u64, data: &[u8]) -> Result<(), McapError> {
@@ -424,13 +395,17 @@ impl Clock {
     }
 }
 
-/// JSON schema of an object with these fields.
-fn describe(fields: &[(&str, &str)]) -> Value {
-    let mut properties = serde_json::Map::new();
-    for (kind, names) in fields {
-        let names = names.split_whitespace();
-        properties.extend(names.map(|name| (name.to_owned(), json!({ "type": kind }))));
-    }
+/// The JSON schema of an object like this one. Of numbers, `null` stands for what is not finite.
+fn schema_of(value: &Value) -> Value {
+    let kind = |value: &Value| match value {
+        Value::Object(_) => "object",
+        Value::String(_) => "string",
+        Value::Number(number) if !number.is_f64() => "integer",
+        _ => "number",
+    };
+    let fields = value.as_object().into_iter().flatten();
+    let properties: serde_json::Map<_, _> =
+        fields.map(|(name, value)| (name.clone(), json!({ "type": kind(value) }))).collect();
     json!({ "type": "object", "properties": properties })
 }
 

@@ -1,6 +1,5 @@
 //! Commands that fly the image on the virtual rig.
 
-pub mod disturb;
 pub mod fly;
 pub mod hardware;
 pub mod rig;

@@ -5,19 +5,26 @@
 pub mod tell;
 
 #[cfg(unix)]
+use std::io::{BufRead, BufReader, Read, Write};
+#[cfg(unix)]
 use std::net::{Ipv4Addr, TcpListener};
+#[cfg(unix)]
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use ::rig::ServoKind;
 use ::rig::attended::Attended;
 use ::rig::bench::VehicleConfig;
+use ::rig::disturbance::Disturbances;
 use ::rig::inertial::ImuErrors;
 use ::rig::pilot::{Manner, Pilot};
+#[cfg(unix)]
+use anyhow::Context;
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 
-use crate::flight::disturb::Disturb;
-use crate::flight::fly::{faults, start_angle};
+use crate::flight::fly::{faults, tilt_angle};
 use crate::flight::hardware::HardwareChoice;
 use crate::flight::sensor::SensorOption;
 use crate::image::ImageOption;
@@ -103,11 +110,11 @@ pub struct RigChoice {
     pub seed: u64,
 
     /// Tilt at which the clamp holds the drone, in rad (0 to 0.87).
-    #[arg(long, value_name = "RAD", default_value_t = 0.4, allow_negative_numbers = true, value_parser = start_angle)]
+    #[arg(long, value_name = "RAD", default_value_t = 0.4, allow_negative_numbers = true, value_parser = tilt_angle)]
     pub tilt: f64,
 
     /// The same to the side, right side down positive, with --vehicle drone2.
-    #[arg(long, value_name = "RAD", default_value_t = 0.0, allow_negative_numbers = true, value_parser = roll_angle)]
+    #[arg(long, value_name = "RAD", default_value_t = 0.0, allow_negative_numbers = true, value_parser = tilt_angle)]
     pub roll: f64,
 
     /// A Nano fresh from its box: nothing in its flash, polarity unchecked, so that it cannot be
@@ -151,7 +158,7 @@ pub struct RigChoice {
 
     /// What disturbs a flight.
     #[command(flatten)]
-    pub disturb: Disturb,
+    pub disturb: Disturbances,
 
     /// What the emulated parts are like.
     #[command(flatten)]
@@ -196,13 +203,6 @@ fn speed(text: &str) -> Result<f64, String> {
     number(text, 0.1..=20.0, "a speed is 0.1 to 20 times real time")
 }
 
-fn roll_angle(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(0.0) => Ok(0.0),
-        _ => start_angle(text),
-    }
-}
-
 fn offset(text: &str) -> Result<f64, String> {
     number(text, -30.0..=30.0, "an offset of the mass is -30 to 30 mm")
 }
@@ -218,6 +218,31 @@ pub fn control_path(port: &Path) -> PathBuf {
     let mut name = port.as_os_str().to_owned();
     name.push(".control");
     name.into()
+}
+
+/// Time for an answer of a rig.
+pub const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Acts on the rig with this socket, in the words of an action; how it is then.
+///
+/// # Errors
+/// No rig that answers there, and those of [`answer`].
+#[cfg(unix)]
+pub fn ask(socket: &Path, action: &str) -> Result<serde_json::Value> {
+    let mut stream = UnixStream::connect(socket)
+        .with_context(|| format!("no virtual rig listens at {}", socket.display()))?;
+    stream.set_read_timeout(Some(PATIENCE))?;
+    writeln!(stream, "{action}")?;
+    let mut line = String::new();
+    let asked = BufReader::new(stream.take(input::ANSWER)).read_line(&mut line);
+    asked.context("the rig does not answer")?;
+    answer(&line)
+}
+
+/// Only Unix has a rig that runs.
+#[cfg(not(unix))]
+pub fn ask(_: &Path, _: &str) -> Result<serde_json::Value> {
+    Err(BadInput::new("`tvc rig --pty` needs Linux or macOS").into())
 }
 
 /// What a rig has answered to an action: how it is.

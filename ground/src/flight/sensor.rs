@@ -22,7 +22,7 @@ impl SensorOption {
     /// Stores the choice in the vehicle, and leaves a BNO055 that is not chosen unplugged.
     ///
     /// # Errors
-    /// What is stored already cannot be read.
+    /// The sensor cannot be stored.
     pub fn fit(self, rig: &mut RigConfig) -> Result<()> {
         let Some(sensor) = self.sensor else { return Ok(()) };
         let stored = rig.stored.get_or_insert_default();

@@ -7,7 +7,7 @@ use clap::Args;
 use client::{StateKind, request};
 
 use crate::signals;
-use crate::vehicle::calibrate::keyboard::{Keyboard, Typed, is_attended};
+use crate::vehicle::calibrate::keyboard::{Keyboard, Typed, is_attended, is_yes};
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::VehicleOptions;
 use crate::vehicle::test::arm;
@@ -80,7 +80,7 @@ fn is_agreed(vehicle: &mut Vehicle) -> Result<bool> {
         vehicle.receive()?;
         match keyboard.poll() {
             Typed::Nothing => {}
-            Typed::Line(answer) => return Ok(matches!(&*answer.to_lowercase(), "y" | "yes")),
+            Typed::Line(answer) => return Ok(is_yes(&answer)),
             Typed::Nobody => return Ok(false),
         }
     }

@@ -77,7 +77,7 @@ pub fn run(options: &Support) -> Result<Verdict> {
 fn given(path: &Path) -> Result<Entry> {
     let bytes = input::bytes(path, input::LOG).map_err(|error| BadInput::of(path, error))?;
     let name = path.file_name().unwrap_or_default();
-    Ok((name.to_string_lossy().into_owned(), bytes))
+    Ok((format!("log/{}", name.to_string_lossy()), bytes))
 }
 
 /// Asks the vehicle for its parameters and its record of the last release.

@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::{Context, Error, Result, bail, ensure};
 use clap::{Args, Subcommand};
 use client::state::is_in_operation;
-use client::{Failure, RefusalKind, StateKind, request};
+use client::{Failure, Frame, RefusalKind, StateKind, request};
 use tvc_nano::Axis;
 
 use crate::logs::report::{conclude, figures, sweep};
@@ -254,7 +254,7 @@ pub fn fly(
     | Manoeuvre::Chirp { seconds, .. }) = manoeuvre;
     let length = Duration::from_secs_f64(seconds);
     let Manoeuvre::Chirp { amplitude, .. } = manoeuvre else {
-        return watch(vehicle, length, &mut |_, time| {
+        return watch(vehicle, length, &mut |_, time, _| {
             show(Stage::Released(time, length));
             Ok(())
         });
@@ -262,12 +262,12 @@ pub fn fly(
     let set_point = SET_POINTS[axis.index()];
     let before = vehicle.parameter(set_point)?;
     vehicle.put_back_later(set_point, before);
-    watch(vehicle, SETTLE, &mut |_, time| {
+    watch(vehicle, SETTLE, &mut |_, time, _| {
         show(Stage::Released(time, SETTLE));
         Ok(())
     })?;
     let mut due = Duration::ZERO;
-    watch(vehicle, length, &mut |vehicle, time| {
+    watch(vehicle, length, &mut |vehicle, time, _| {
         show(Stage::Swinging(time, length));
         if time < due {
             return Ok(());
@@ -308,20 +308,20 @@ pub fn arm(vehicle: &mut Vehicle, wait: &mut dyn FnMut(&str)) -> Result<()> {
     vehicle.command(request::ARM)
 }
 
-/// Receives for a while and calls `each` with the time since the start.
+/// Receives for a while and calls `each` with the time since the start and what has come.
 ///
 /// # Errors
 /// A failsafe, silence, the person wants an end, or those of `each`.
-fn watch(
+pub fn watch(
     vehicle: &mut Vehicle,
     length: Duration,
-    each: &mut dyn FnMut(&mut Vehicle, Duration) -> Result<()>,
+    each: &mut dyn FnMut(&mut Vehicle, Duration, &[Frame]) -> Result<()>,
 ) -> Result<()> {
     let begun = vehicle.now();
     while vehicle.now() - begun < length {
-        vehicle.receive()?;
+        let frames = vehicle.receive()?;
         let lasted = vehicle.now() - begun;
-        each(vehicle, lasted)?;
+        each(vehicle, lasted, &frames)?;
         if vehicle.state() == Some(StateKind::Failsafe) {
             bail!("the vehicle gave up: {}", vehicle.reason());
         }

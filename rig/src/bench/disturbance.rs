@@ -20,19 +20,46 @@ const TYPICAL_GYRO_DPS_K: f64 = 0.015;
 
 /// Disturbances of a flight; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "clap", derive(clap::Args))]
+#[cfg_attr(
+    feature = "clap",
+    command(next_help_heading = "Disturbances (docs/reference/faults.md has ranges and examples)")
+)]
 pub struct Disturbances {
-    /// The propeller is out of balance.
+    /// Unbalanced propeller: m/s2, Hz[, deg/s[, harmonics, wander in %]].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(
+        feature = "clap",
+        arg(long, value_name = "ACC,HZ,...", allow_negative_numbers = true)
+    )]
     pub vibration: Option<Vibration>,
-    /// The servo's supply is not at its rated voltage.
+    /// Servo supply, V (nominal 6)[, from, until, s[, V while it stalls]].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "clap", arg(long, value_name = "V,...", allow_negative_numbers = true))]
     pub servo_supply: Option<SupplySag>,
-    /// The thrust rises slowly.
+    /// Thrust at the release, %, and the time until it is whole, s.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "clap", arg(long, value_name = "PCT,S", allow_negative_numbers = true))]
     pub thrust_ramp: Option<ThrustRamp>,
-    /// The sensor warms up.
+    /// Sensor at power-on and in the end, C; time constant, s[, drift].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(
+        feature = "clap",
+        arg(long, value_name = "C,C,S,...", allow_negative_numbers = true)
+    )]
     pub temperature: Option<Temperature>,
+}
+
+impl Disturbances {
+    /// These, and of the others what these lack.
+    pub fn over(&self, others: Self) -> Self {
+        Self {
+            vibration: self.vibration.or(others.vibration),
+            servo_supply: self.servo_supply.or(others.servo_supply),
+            thrust_ramp: self.thrust_ramp.or(others.thrust_ramp),
+            temperature: self.temperature.or(others.temperature),
+        }
+    }
 }
 
 impl Disturbances {

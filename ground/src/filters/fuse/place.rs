@@ -36,9 +36,9 @@ pub fn places(files: &[PathBuf], out: Option<&Path>) -> Result<Vec<Option<PathBu
         } else {
             out.to_path_buf()
         };
-        if is_one_file(&place, file) {
+        if files.iter().any(|file| is_one_file(&place, file)) {
             return Err(BadInput::new(format!(
-                "--out {} would overwrite the recording",
+                "--out {} would overwrite a recording",
                 place.display()
             )));
         }

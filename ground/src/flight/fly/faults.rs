@@ -54,9 +54,8 @@ pub fn read(path: Option<&Path>, seed: u64, length_s: f64) -> Result<Scenario, B
     let Some(path) = path else {
         return Ok(Scenario::default());
     };
-    let refuse = |why: String| BadInput::new(format!("{}: {why}", path.display()));
-    let text = input::text(path).map_err(|error| refuse(error.to_string()))?;
-    parse(&text, seed, length_s).map_err(refuse)
+    let text = input::file_text(path)?;
+    parse(&text, seed, length_s).map_err(|why| BadInput::of(path, why))
 }
 
 /// As [`read`], of the text of a file.

@@ -1,6 +1,5 @@
 //! Progress of a flight: one line that is redrawn on a terminal, plain lines elsewhere.
 
-use std::io::IsTerminal;
 use std::time::Duration;
 
 use indicatif::ProgressBar;
@@ -17,12 +16,13 @@ pub struct Live {
 impl Live {
     /// Begins a line for `what`; where standard error is no terminal, `what` is printed once.
     pub fn begin(what: String) -> Self {
-        if !std::io::stderr().is_terminal() {
+        let bar = spinner("{spinner} {prefix}  {msg}");
+        if bar.is_hidden() {
             eprintln!("{what}");
-            return Self { bar: ProgressBar::hidden() };
+        } else {
+            bar.set_prefix(what);
+            bar.enable_steady_tick(Duration::from_millis(120));
         }
-        let bar = spinner("{spinner} {prefix}  {msg}").with_prefix(what);
-        bar.enable_steady_tick(Duration::from_millis(120));
         Self { bar }
     }
 

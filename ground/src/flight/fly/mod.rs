@@ -25,7 +25,7 @@ use ::report::measure::Figures;
 use ::report::page::{page, verdicts};
 use design::control_law;
 use design::vehicle::{Vehicle, VehicleKind, store};
-pub use options::{Fly, start_angle};
+pub use options::{Fly, tilt_angle};
 
 /// Flies as `options` say, prints the figures and writes the report.
 pub fn run(options: &Fly) -> Result<Verdict> {

@@ -1,13 +1,14 @@
 //! Options of `tvc fly`.
 
-use crate::flight::disturb::Disturb;
 use crate::flight::hardware::HardwareChoice;
 use crate::flight::sensor::SensorOption;
 use crate::image::ImageOption;
 use ::rig::ServoKind;
+use ::rig::disturbance::Disturbances;
 use ::rig::flight::Gains;
 use clap::Args;
 use design::vehicle::VehicleChoice;
+use report::arguments::number;
 use report::kind;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -79,7 +80,7 @@ pub struct Fly {
     pub sensor: SensorOption,
 
     /// Play a recording through the emulated BNO055 and score the attitude.
-    #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "params", "sensor", "Disturb"])]
+    #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "params", "sensor", "Disturbances"])]
     pub recording: Option<PathBuf>,
 
     /// Faults and disturbances by time (docs/reference/faults.md).
@@ -104,7 +105,7 @@ pub struct Fly {
 
     /// What disturbs the flight.
     #[command(flatten)]
-    pub disturb: Disturb,
+    pub disturb: Disturbances,
 
     /// What the emulated parts are like.
     #[command(flatten)]
@@ -114,13 +115,14 @@ pub struct Fly {
 /// Largest tilt that the firmware arms at: 50 degrees, in rad, rounded down.
 const LARGEST_START_RAD: f64 = 0.87;
 
+pub fn tilt_angle(text: &str) -> Result<f64, String> {
+    number(text, -LARGEST_START_RAD..=LARGEST_START_RAD, "a tilt is -0.87 to 0.87 rad")
+}
+
 pub fn start_angle(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(rad) if rad != 0.0 && rad.abs() <= LARGEST_START_RAD => Ok(rad),
-        Ok(_) => Err(format!(
-            "a start angle is not 0, and at most {LARGEST_START_RAD} rad to either side"
-        )),
-        Err(_) => Err("a start angle is a number in rad, such as 0.4".into()),
+    match tilt_angle(text)? {
+        0.0 => Err("a start angle is not 0".into()),
+        rad => Ok(rad),
     }
 }
 

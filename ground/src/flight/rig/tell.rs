@@ -7,6 +7,7 @@ use anyhow::Result;
 use clap::Args;
 
 use report::exit::{BadInput, Verdict};
+use report::file::print;
 
 /// Options of `tvc rig tell`.
 #[derive(Debug, Args)]
@@ -47,40 +48,10 @@ Exit status: 0 done, 1 no rig answers, 2 no such action."
 ///
 /// # Errors
 /// [`BadInput`] for what is no action or cannot be done to this rig; no rig that answers.
-#[cfg(unix)]
 pub fn run(options: &Tell) -> Result<Verdict> {
-    use std::io::{BufRead, BufReader, Read, Write};
-    use std::os::unix::net::UnixStream;
-    use std::time::Duration;
-
-    use anyhow::Context;
-
-    use report::file::print;
-    use report::input::ANSWER;
-
-    /// Time for an answer.
-    const PATIENCE: Duration = Duration::from_secs(5);
-
     let line = options.action.join(" ");
     line.parse::<Action>().map_err(BadInput::new)?;
-    let path = super::control_path(&options.link);
-    let mut stream = UnixStream::connect(&path).with_context(|| {
-        format!("no rig with --link {} runs here ({})", options.link.display(), path.display())
-    })?;
-    stream.set_read_timeout(Some(PATIENCE))?;
-    writeln!(stream, "{line}")?;
-    let mut line = String::new();
-    let asked = BufReader::new(stream.take(ANSWER)).read_line(&mut line);
-    asked.context("the rig does not answer")?;
-    let answer = super::answer(&line)?;
+    let answer = super::ask(&super::control_path(&options.link), &line)?;
     print(format_args!("{answer}\n"))?;
     Ok(Verdict::Met)
-}
-
-/// Only Unix has a rig that runs.
-#[cfg(not(unix))]
-pub fn run(options: &Tell) -> Result<Verdict> {
-    let line = options.action.join(" ");
-    line.parse::<Action>().map_err(BadInput::new)?;
-    Err(BadInput::new("`tvc rig --pty` needs Linux or macOS").into())
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use client::request::text_of;
+use client::wire::SYSTEM_AT;
 use client::{Wire, text};
 use mavlink::dialects::common::MavMessage;
 use mavlink::{MAVLinkV2MessageRaw, MavHeader};
@@ -121,8 +122,7 @@ pub fn known(bytes: &[u8], begin_us: u64, part: &[(u64, &[u8])]) -> Vec<Vec<u8>>
         }
     }
     let next = part.iter().map(|part| part.1).find(|frame| log::is_from_vehicle(frame));
-    let (system_id, next) =
-        next.map_or((1, 0), |frame| (frame[log::SYSTEM_AT], frame[SEQUENCE_AT]));
+    let (system_id, next) = next.map_or((1, 0), |frame| (frame[SYSTEM_AT], frame[SEQUENCE_AT]));
     let first = next.wrapping_sub(told.len() as u8);
     let numbered = told.into_values().enumerate().map(|(index, message)| {
         let mut raw = MAVLinkV2MessageRaw::new();

@@ -2,12 +2,12 @@
 
 use anyhow::{Context, Result};
 use world_magnetic_model::GeomagneticField;
-use world_magnetic_model::time::{Date, Month, OffsetDateTime};
+use world_magnetic_model::time::{Date, OffsetDateTime};
 use world_magnetic_model::uom::si::angle::degree;
 use world_magnetic_model::uom::si::f32::{Angle, Length};
 use world_magnetic_model::uom::si::length::meter;
 
-use super::options::{Calibrate, Day, Place};
+use super::options::{Calibrate, Place};
 use report::exit::BadInput;
 
 /// The declination that the command line asks for, deg, if it asks for one.
@@ -33,13 +33,8 @@ fn today() -> Result<Date> {
 ///
 /// # Errors
 /// [`BadInput`] for a day that the calendar does not have, or one outside of the model's years.
-pub fn declination_deg(place: Place, day: Option<Day>) -> Result<f64> {
-    let date = match day {
-        None => today()?,
-        Some(day) => Month::try_from(day.month)
-            .and_then(|month| Date::from_calendar_date(day.year, month, day.day))
-            .map_err(|error| BadInput::new(format!("--date: {error}")))?,
-    };
+pub fn declination_deg(place: Place, day: Option<Date>) -> Result<f64> {
+    let date = day.map_or_else(today, Ok)?;
     let field = GeomagneticField::new(
         Length::new::<meter>(0.0),
         Angle::new::<degree>(place.latitude_deg),
@@ -52,14 +47,19 @@ pub fn declination_deg(place: Place, day: Option<Day>) -> Result<f64> {
 
 #[cfg(test)]
 mod tests {
+    use world_magnetic_model::time::Month;
+
     use super::*;
 
     #[test]
     fn declination_of_copenhagen_as_the_model_has_it() {
         let place = Place { latitude_deg: 55.79, longitude_deg: 12.52 };
-        let day = |year| Day { year, month: 7, day: 1 };
-        let deg = declination_deg(place, Some(day(2026))).unwrap();
+        let of = |year| {
+            let day = Date::from_calendar_date(year, Month::July, 1).unwrap();
+            declination_deg(place, Some(day))
+        };
+        let deg = of(2026).unwrap();
         assert!((4.3..6.0).contains(&deg), "{deg}");
-        assert!(declination_deg(place, Some(day(1900))).is_err());
+        assert!(of(1900).is_err());
     }
 }

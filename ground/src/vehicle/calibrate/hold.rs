@@ -10,7 +10,7 @@ use std::time::Duration;
 use anyhow::{Result, bail};
 use calibration::spread;
 use client::status::angles;
-use client::{Parameter, StateKind, request};
+use client::{Parameter, request};
 use mavlink::dialects::common::MavMessage;
 use nalgebra::Vector3;
 use tvc_nano::Params;
@@ -18,7 +18,7 @@ use tvc_nano::telemetry::CRANKS;
 
 use super::person::Ending;
 use super::session::{Session, UNCHANGED};
-use crate::vehicle::test::arm;
+use crate::vehicle::test::{arm, watch};
 use report::measure::{Figures, data, figure};
 
 const NAME: &str = "SRV_HOLD_DEG";
@@ -79,11 +79,8 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
         person.progress(0.0, &format!("hold the drone still  {why}"), None);
     })?;
     session.vehicle.command(request::RELEASE)?;
-    let begun = session.vehicle.now();
     let (mut steps, mut pitch_deg) = (Vec::new(), 0.0);
-    while session.vehicle.now() - begun < SETTLE + length {
-        let frames = session.vehicle.receive()?;
-        let lasted = session.vehicle.now() - begun;
+    watch(&mut session.vehicle, SETTLE + length, &mut |_, lasted, frames| {
         for frame in frames {
             match &frame.message {
                 MavMessage::ATTITUDE_QUATERNION(q) => {
@@ -99,12 +96,10 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
                 _ => {}
             }
         }
-        if session.vehicle.state() == Some(StateKind::Failsafe) {
-            bail!("the vehicle gave up: {}", session.vehicle.reason());
-        }
         let share = lasted.as_secs_f64() / (SETTLE + length).as_secs_f64();
-        session.progress(share, &format!("released, pitch {pitch_deg:+.1} deg"));
-    }
+        person.progress(share, &format!("released, pitch {pitch_deg:+.1} deg"), None);
+        Ok(())
+    })?;
     Ok(steps)
 }
 

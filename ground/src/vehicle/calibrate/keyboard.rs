@@ -15,6 +15,11 @@ pub enum Typed {
     Nobody,
 }
 
+/// Whether an answer is a yes.
+pub fn is_yes(answer: &str) -> bool {
+    matches!(answer.to_lowercase().as_str(), "y" | "yes")
+}
+
 /// Standard input, read by a thread of its own.
 pub struct Keyboard {
     lines: Receiver<String>,

@@ -36,13 +36,7 @@ use session::Session;
 pub fn run(options: &Calibrate) -> Result<Verdict> {
     match (&options.step, &options.from) {
         (Some(SetUp::Servo(servo)), _) => servo::run(servo, options),
-        (Some(SetUp::Polarity), _) => lead(options, |session| {
-            let (figures, ending) = polarity::check(session)?;
-            if ending.met {
-                session.say(&ending.words);
-            }
-            Ok((figures, ending))
-        }),
+        (Some(SetUp::Polarity), _) => lead(options, polarity::check),
         (Some(SetUp::Hold { seconds }), _) => {
             lead(options, |session| hold::measure(session, *seconds))
         }
@@ -63,7 +57,7 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     }
 }
 
-/// Leads through a step at the vehicle; a refusal is said on standard error.
+/// Leads through a step at the vehicle, and says on standard error how it ended.
 fn lead(
     options: &Calibrate,
     step: impl FnOnce(&mut Session) -> Result<(Figures, Ending)>,
@@ -71,8 +65,6 @@ fn lead(
     let mut session = Session::connect(options)?;
     let (figures, ending) = step(&mut session)?;
     print_json_if(options.vehicle.json, &figures)?;
-    if ending.refused {
-        eprintln!("refused: {}", ending.words);
-    }
+    eprintln!("{}{}", if ending.refused { "refused: " } else { "" }, ending.words);
     Ok(Verdict::of(!ending.refused))
 }

@@ -8,6 +8,7 @@ use report::arguments::{number, numbers, seconds};
 use report::kind::{self, Kind};
 use std::path::{Path, PathBuf};
 use tvc_nano::Axis;
+use world_magnetic_model::time::{Date, Month};
 
 /// Options of `tvc calibrate`.
 #[derive(Debug, Args)]
@@ -75,7 +76,7 @@ pub struct Calibrate {
 
     /// The day for --place [default: today].
     #[arg(long, value_name = "YYYY-MM-DD", requires = "place", value_parser = day)]
-    pub date: Option<Day>,
+    pub date: Option<Date>,
 
     /// Gravity where it was recorded, m/s^2.
     #[arg(long, value_name = "M_S2", default_value_t = STANDARD_GRAVITY, value_parser = gravity)]
@@ -198,17 +199,6 @@ pub struct Place {
     pub longitude_deg: f32,
 }
 
-/// A day of the Gregorian calendar.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Day {
-    /// Year.
-    pub year: i32,
-    /// Month, 1 to 12.
-    pub month: u8,
-    /// Day of the month.
-    pub day: u8,
-}
-
 fn declination(text: &str) -> Result<f64, String> {
     const WHAT: &str = "a declination is a number of degrees from -180 to 180, such as 4.37";
     number(text, -180.0..=180.0, WHAT)
@@ -225,13 +215,12 @@ pub fn place(text: &str) -> Result<Place, String> {
     Ok(Place { latitude_deg: latitude as f32, longitude_deg: longitude as f32 })
 }
 
-fn day(text: &str) -> Result<Day, String> {
+fn day(text: &str) -> Result<Date, String> {
     let parse = || match text.split('-').collect::<Vec<_>>().as_slice() {
-        [year, month, day] => Some(Day {
-            year: year.parse().ok()?,
-            month: month.parse().ok()?,
-            day: day.parse().ok()?,
-        }),
+        [year, month, day] => {
+            let month = Month::try_from(month.parse::<u8>().ok()?).ok()?;
+            Date::from_calendar_date(year.parse().ok()?, month, day.parse().ok()?).ok()
+        }
         _ => None,
     };
     parse().ok_or_else(|| "a date is year, month and day, such as 2026-05-31".into())
@@ -249,8 +238,8 @@ mod tests {
             assert!(super::place(bad).is_err(), "{bad}");
         }
         let date = day("2026-05-31").unwrap();
-        assert_eq!((date.year, date.month, date.day), (2026, 5, 31));
-        for bad in ["2026", "2026-05", "May 31", "2026-5-31-1"] {
+        assert_eq!(date.to_calendar_date(), (2026, Month::May, 31));
+        for bad in ["2026", "2026-05", "May 31", "2026-5-31-1", "2026-02-30"] {
             assert!(day(bad).is_err(), "{bad}");
         }
         assert!(gravity("1").is_err() && declination("NaN").is_err());

@@ -10,7 +10,8 @@ use mavlink::dialects::common::MavMessage;
 use nalgebra::Vector3;
 use recordings::{Source, bno055};
 
-use flights::log::{each_message, has_extension};
+use ::report::kind::is_log;
+use flights::log::each_message;
 use report::exit::BadInput;
 
 /// Fewest samples: a second of them.
@@ -22,7 +23,7 @@ const FEWEST: usize = 100;
 /// [`BadInput`] naming the file and what is wrong with it.
 pub fn read(path: &Path) -> Result<Readings> {
     let mut readings = Readings::default();
-    if has_extension(path, "tlog") || has_extension(path, "mcap") {
+    if is_log(path) {
         each_message(path, |entry| {
             if entry.from_vehicle || prompt_in(&entry.message).is_some() {
                 take(&mut readings, &entry.message);

@@ -9,6 +9,7 @@ use tvc_nano::config::{PULSE_MAX_US, PULSE_MIN_US};
 use tvc_nano::{Axis, Params};
 
 use super::figures::named;
+use super::keyboard::is_yes;
 use super::options::{Calibrate, Servo};
 use super::person::{Ending, Question};
 use super::session::{Session, UNCHANGED};
@@ -228,9 +229,9 @@ fn direction(session: &mut Session, axis: Axis, centre_us: f32) -> Result<Option
     let question = Question::new(words, "[y/n] (Enter: leave it as it is)?", buttons);
     loop {
         match ask_at(session, axis, centre_us + SPAN_US, &question)?.as_deref() {
-            Some("y" | "Y" | "yes") => return Ok(Some(1.0)),
-            Some("n" | "N" | "no") => return Ok(Some(-1.0)),
             None => return Ok(None),
+            Some(answer) if is_yes(answer) => return Ok(Some(1.0)),
+            Some("n" | "N" | "no") => return Ok(Some(-1.0)),
             Some(_) => session.say("answer y or n"),
         }
     }

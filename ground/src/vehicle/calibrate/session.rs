@@ -12,7 +12,7 @@ use client::{Parameter, StateKind};
 use mavlink::dialects::common::MavMessage;
 use tvc_nano::Axis;
 
-use super::keyboard::Typed;
+use super::keyboard::{Typed, is_yes};
 use super::options::Calibrate;
 use super::person::{Person, Question};
 use super::readings;
@@ -239,7 +239,7 @@ impl Session {
         }
         let question = Question::new(words, "[y/N]", &[("Yes", "y"), ("No", "n")]);
         let answer = self.question(&question, &mut |_| Ok(()))?;
-        Ok(answer.is_some_and(|answer| matches!(answer.to_lowercase().as_str(), "y" | "yes")))
+        Ok(answer.is_some_and(|answer| is_yes(&answer)))
     }
 
     /// Writes the parameters into the vehicle and its flash, if the person agrees; how many were

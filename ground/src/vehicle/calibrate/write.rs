@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 use client::{Parameter, request};
-use flights::param_file::{POLARITY, SECOND_POLARITY};
+use flights::param_file::is_polarity;
 
 use crate::vehicle::link::Vehicle;
 
@@ -30,8 +30,7 @@ pub fn write(vehicle: &mut Vehicle, rows: &[Parameter]) -> Result<usize> {
     if let Err(why) = set(vehicle) {
         // The check of the polarity stands behind what may undo it.
         let is_old = |old: &&Parameter| {
-            [POLARITY, SECOND_POLARITY].contains(&&*old.name)
-                || changed.iter().any(|row| row.name == old.name)
+            is_polarity(&old.name) || changed.iter().any(|row| row.name == old.name)
         };
         for old in before.iter().filter(is_old) {
             set_row(vehicle, old)?;
@@ -58,7 +57,7 @@ pub fn write(vehicle: &mut Vehicle, rows: &[Parameter]) -> Result<usize> {
 /// Sets a parameter. A polarity becomes checked only from watched: a vehicle refuses it of one that
 /// nobody has looked at.
 fn set_row(vehicle: &mut Vehicle, row: &Parameter) -> Result<()> {
-    if [POLARITY, SECOND_POLARITY].contains(&&*row.name) && row.value == CHECKED {
+    if is_polarity(&row.name) && row.value == CHECKED {
         vehicle.set_parameter(&row.name, WATCHED)?;
     }
     vehicle.set_parameter(&row.name, row.value)
@@ -75,6 +74,8 @@ pub mod tests {
         COMMAND_ACK_DATA, HEARTBEAT_DATA, MavMessage, MavResult, PARAM_VALUE_DATA,
     };
     use serialport::{SerialPort, TTYPort};
+
+    use flights::param_file::POLARITY;
 
     use super::*;
     use crate::vehicle::link::Link;

@@ -1,5 +1,7 @@
 // Charts of the last minute, drawn by uPlot: a time axis, pause, zoom, and a cursor with values.
 
+import { make } from "./dom.js";
+
 /** Seconds in sight, from close to far. */
 const SPANS = [2, 5, 10, 20, 60];
 /** Seconds kept, at most while something is looked at, and how many more before the oldest are dropped. */
@@ -24,8 +26,6 @@ export function style(x, y) {
   return { legend: { show: false }, axes: [axis({ size: 20, gap: 2, ...x }), axis({ size: AXIS, gap: 4, ...y })] };
 }
 
-const element = (tag, words = "") => Object.assign(document.createElement(tag), { textContent: words });
-
 /**
  * One chart. `lines`: name, colour and value of a frame each. `least`: the range that is always in sight.
  * `slow`: it is drawn less often. `when`: frames with which it is there.
@@ -34,19 +34,16 @@ class Strip {
   constructor(charts, { title, unit, lines, least, decimals, height, slow, when }) {
     Object.assign(this, { charts, unit, lines, least, decimals, height, slow, when, words: "", inSight: true });
     this.values = lines.map(() => []);
-    this.figure = element("figure");
-    this.figure.hidden = Boolean(when);
-    const caption = element("figcaption");
-    caption.append(element("span", `${title}, ${unit}`));
+    const caption = make("figcaption", {}, make("span", { textContent: `${title}, ${unit}` }));
     for (const [name, hue] of lines.length > 1 ? lines : []) {
-      const key = element("span", `— ${name}`);
+      const key = make("span", { textContent: `— ${name}` });
       key.style.color = `var(--${hue})`;
       caption.append(key);
     }
-    this.now = element("b");
+    this.now = make("b");
     caption.append(this.now);
-    this.place = element("div");
-    this.figure.append(caption, this.place);
+    this.place = make("div");
+    this.figure = make("figure", { hidden: Boolean(when) }, caption, this.place);
     charts.parent.append(this.figure);
   }
 

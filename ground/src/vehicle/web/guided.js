@@ -1,14 +1,9 @@
 // The set-up: its steps, what is to be done now, questions and what was found.
 
+import { make } from "./dom.js";
+
 /** How long a new question takes no answer, ms: a click or a key may have been meant for the one before. */
 const PAUSE = 400;
-
-const element = (tag, text, kind) => {
-  const made = document.createElement(tag);
-  if (text !== undefined) made.textContent = text;
-  if (kind) made.className = kind;
-  return made;
-};
 
 /** What the vehicle's parameters tell of each step: whether it is done, in words. */
 function known(parameters) {
@@ -16,7 +11,8 @@ function known(parameters) {
   const changed = (is) => parameters.some((row) => is(row.name) && row.default !== null && row.value !== row.default);
   const done = (is, yes, no) => ({ done: is, words: is ? yes : no });
   const hold = value.get("SRV_HOLD_DEG") ?? 0;
-  const seen = value.get("SRV_POLARITY") === 1;
+  const axes = ["SRV_POLARITY", "SRV2_POLARITY"].slice(0, value.get("AXES"));
+  const seen = axes.every((name) => value.get(name) === 1);
   const servo = ["SRV_CENTRE_US", "SRV_US_PER_DEG", "SRV_DIR", "SRV_MIN_US", "SRV_MAX_US"];
   return {
     sensors: done(changed((name) => name.startsWith("CAL_")), "calibrated", "not calibrated"),
@@ -92,13 +88,9 @@ export class Guided {
     at("words").textContent = now.progress;
     this.showSeen(now.seen);
     this.ask(now.question);
-    at("lines").replaceChildren(...now.lines.map((line) => element("li", line)));
-    at("found").replaceChildren(...now.figures.map(([name, value]) => {
-      const row = element("tr");
-      row.append(element("th", name), element("td", value));
-      row.firstChild.scope = "row";
-      return row;
-    }));
+    at("lines").replaceChildren(...now.lines.map((line) => make("li", { textContent: line })));
+    at("found").replaceChildren(...now.figures.map(([name, value]) =>
+      make("tr", {}, make("th", { textContent: name, scope: "row" }), make("td", { textContent: value }))));
     at("ending").textContent = now.ending;
     at("ending").classList.toggle("met", now.met);
     at("cancel").hidden = !now.running;
@@ -112,7 +104,7 @@ export class Guided {
     box.hidden = seen === null;
     if (seen === null) return;
     const level = (count) => (count === 0 ? "never" : count < 4 ? "seldom" : count < 10 ? "some" : "often");
-    box.replaceChildren(...[...seen].reverse().flat().map((count) => element("i", undefined, level(count))));
+    box.replaceChildren(...[...seen].reverse().flat().map((count) => make("i", { className: level(count) })));
   }
 
   ask(question) {
@@ -125,8 +117,7 @@ export class Guided {
     if (question.again && at("replies").childElementCount > 0) return;
     this.from = performance.now() + PAUSE;
     at("replies").replaceChildren(...question.buttons.map(([label, reply]) => {
-      const button = element("button", label);
-      button.type = "button";
+      const button = make("button", { type: "button", textContent: label });
       button.addEventListener("click", () => this.reply(reply));
       return button;
     }));

@@ -1,12 +1,7 @@
 // The recordings of the page's folder: listed, downloaded, and their reports read in the page.
 
+import { make } from "./dom.js";
 import { unfold } from "./sections.js";
-
-const make = (tag, fields = {}, ...inner) => {
-  const element = Object.assign(document.createElement(tag), fields);
-  element.append(...inner);
-  return element;
-};
 
 /** The name of a log without its folder. */
 export const nameOf = (path) => path.split(/[\\/]/).pop();

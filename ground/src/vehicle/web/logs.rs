@@ -7,7 +7,8 @@ use anyhow::{Context, Result};
 use serde::Serialize;
 
 use crate::cli::TOOL;
-use flights::log::{Writer, has_extension, span_us};
+use ::report::kind::is_log;
+use flights::log::{Writer, span_us};
 use report::exit::BadInput;
 
 /// Most recordings of a kind in one folder.
@@ -67,8 +68,7 @@ fn recorded(entry: &std::fs::DirEntry) -> Option<Recorded> {
     let name = entry.file_name().into_string().ok()?;
     // Of a link it is that of the link.
     let about = entry.metadata().ok()?;
-    let is_log = has_extension(&path, "tlog") || has_extension(&path, "mcap");
-    if !about.is_file() || !is_log || name.starts_with('.') {
+    if !about.is_file() || !is_log(&path) || name.starts_with('.') {
         return None;
     }
     let span = span_us(&path);

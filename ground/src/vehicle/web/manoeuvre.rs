@@ -3,13 +3,13 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use serde_json::{Value, json};
 
 use super::handle::Handle;
 use super::model::{Model, Test};
 use super::relay;
-use crate::logs::report::{self, sweep};
+use crate::logs::report;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::test::{Manoeuvre, Stage, fly};
 use crate::vehicle::watch::Watched;
@@ -77,11 +77,10 @@ fn figures(manoeuvre: Manoeuvre, path: &Path) -> Result<Value> {
     let flight = Flight::read(path)?;
     let figures = report::figures(&flight);
     let object = json!(figures);
-    let releases = flight.releases();
-    let release = releases.first().context("the log holds no release")?;
-    let sweep = sweep::Sweep::of(release, Axis::Pitch);
+    ensure!(!flight.releases().is_empty(), "the log holds no release");
+    let sweep = &object["sweep"][0];
     if let Manoeuvre::Chirp { .. } = manoeuvre {
-        ensure!(sweep.is_some(), "the log holds no swing of the set point");
+        ensure!(!sweep.is_null(), "the log holds no swing of the set point");
     }
     Ok(json!({
         "run": object["runs"][0],

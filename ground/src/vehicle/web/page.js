@@ -2,6 +2,7 @@
 
 import { Attitude } from "./attitude.js";
 import { Charts } from "./charts.js";
+import { make } from "./dom.js";
 import { Guided } from "./guided.js";
 import { Link, forPage } from "./link.js";
 import { Logs, nameOf } from "./logs.js";
@@ -176,13 +177,8 @@ setInterval(() => {
 // Conditions
 
 function figures(list, rows) {
-  list.replaceChildren(...rows.map(([name, value]) => {
-    const [row, dt, dd] = ["div", "dt", "dd"].map((tag) => document.createElement(tag));
-    dt.textContent = name;
-    dd.textContent = value;
-    row.append(dt, dd);
-    return row;
-  }));
+  list.replaceChildren(...rows.map(([name, value]) =>
+    make("div", {}, make("dt", { textContent: name }), make("dd", { textContent: value }))));
 }
 
 /** Nothing is known while the program is silent. */
@@ -230,7 +226,7 @@ function showCondition(now) {
   parameters.control(now.armed && !now.can_release);
   at("health").textContent = !now.connected ? "unknown"
     : now.unhealthy.length ? `not healthy: ${now.unhealthy.join(", ")}` : "everything enabled is healthy";
-  const count = (value) => value.toLocaleString("en");
+  const count = (value) => value?.toLocaleString("en") ?? "–";
   figures(at("link"), [
     ["attitudes", `${now.attitude_hz.toFixed(1)} /s`],
     ["round trip", now.round_trip_ms === null ? "–" : `${now.round_trip_ms.toFixed(1)} ms`],
@@ -253,22 +249,15 @@ function showTrial(now) {
   at("tested-log").replaceChildren(...(now.running || !now.log ? [] : [`${now.log} `, logs.links(nameOf(now.log))]));
   at("stage").classList.toggle("met", Boolean(met));
   figures(at("figures"), result ? rowsOf(result) : []);
-  at("missed").replaceChildren(...(result?.missed ?? []).map((line) => {
-    const item = document.createElement("li");
-    item.textContent = line;
-    return item;
-  }));
+  at("missed").replaceChildren(...(result?.missed ?? []).map((line) => make("li", { textContent: line })));
   if (condition.state) showCondition(condition);
 }
 
 function showText(text) {
   const list = at("texts");
-  const [item, time, words] = ["li", "time", "span"].map((tag) => document.createElement(tag));
-  time.textContent = `${text.time_s.toFixed(2)} s`;
-  words.textContent = forPage(text.text);
-  words.className = text.severity <= 3 ? "bad" : text.severity === 4 ? "warning" : "";
-  item.append(time, words);
-  list.prepend(item);
+  const time = make("time", { textContent: `${text.time_s.toFixed(2)} s` });
+  const className = text.severity <= 3 ? "bad" : text.severity === 4 ? "warning" : "";
+  list.prepend(make("li", {}, time, make("span", { textContent: forPage(text.text), className })));
   while (list.childElementCount > TEXTS) list.lastElementChild.remove();
 }
 

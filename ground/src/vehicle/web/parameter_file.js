@@ -1,13 +1,13 @@
 // Parameters in a file: out by a download, in by a list of what would change, which is set when somebody agrees.
 
+import { make } from "./dom.js";
 import { forPage } from "./link.js";
 
 /** Longest text that the program takes, bytes as JSON. */
 const LONGEST = 16000;
 
-const element = (tag, words) => Object.assign(document.createElement(tag), { textContent: words });
 const button = (words, act) => {
-  const made = Object.assign(element("button", words), { type: "button" });
+  const made = make("button", { type: "button", textContent: words });
   made.addEventListener("click", act);
   return made;
 };
@@ -44,14 +44,13 @@ export class ParameterFile {
     });
   }
 
-  say(...parts) { this.place.replaceChildren(...parts.map((part) => (typeof part === "string" ? element("p", part) : part))); }
+  say(...parts) { this.place.replaceChildren(...parts.map((part) => (typeof part === "string" ? make("p", { textContent: part }) : part))); }
 
   async write() {
     const { error, note } = await this.order("write-file");
     if (error) return this.say(error);
-    const link = document.createElement("a");
-    link.href = URL.createObjectURL(new Blob([note], { type: "text/plain" }));
-    link.download = "tvc-nano.parm";
+    const href = URL.createObjectURL(new Blob([note], { type: "text/plain" }));
+    const link = make("a", { href, download: "tvc-nano.parm" });
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 1000);
   }
@@ -64,10 +63,9 @@ export class ParameterFile {
     const said = notes.map(forPage);
     const other = unknown.length ? [...said, `The vehicle has no parameter ${unknown.join(", ")}.`] : said;
     if (changes.length === 0) return this.say(`${name}: the vehicle has all of its ${count - unknown.length} values.`, ...other);
-    const list = document.createElement("ul");
-    list.append(...changes.map(([key, before, after]) => element("li", `${key}: ${before} → ${after}`)));
-    const buttons = Object.assign(document.createElement("div"), { className: "buttons" });
-    buttons.append(button(`Set ${changes.length}`, () => this.set(name, changes)), button("Cancel", () => this.say()));
+    const list = make("ul", {}, ...changes.map(([key, before, after]) => make("li", { textContent: `${key}: ${before} → ${after}` })));
+    const set = button(`Set ${changes.length}`, () => this.set(name, changes));
+    const buttons = make("div", { className: "buttons" }, set, button("Cancel", () => this.say()));
     this.say(`${name} differs in ${changes.length} of ${count} values:`, list, ...other, buttons);
   }
 

@@ -1,6 +1,7 @@
 // The last releases over each other: pitch and servo from the moment of the release on, and a table of figures.
 
 import { colour, style } from "./charts.js";
+import { make } from "./dom.js";
 import { TITLES } from "./tests.js";
 
 const HUES = ["blue", "amber", "teal", "violet", "red", "green", "slate", "ink"];
@@ -33,35 +34,26 @@ export class Releases {
   /** What the table says of a release. */
   row(release) {
     const { run } = release;
-    const tr = document.createElement("tr");
-    const cell = (words) => {
-      const td = document.createElement("td");
-      td.textContent = words;
-      tr.append(td);
-      return td;
-    };
-    const name = cell("");
-    const label = document.createElement("label");
-    const box = Object.assign(document.createElement("input"), { type: "checkbox", checked: !this.hidden.has(release.number) });
+    const box = make("input", { type: "checkbox", checked: !this.hidden.has(release.number) });
     box.addEventListener("change", () => {
       if (box.checked) this.hidden.delete(release.number);
       else this.hidden.add(release.number);
       this.draw();
     });
-    const key = document.createElement("span");
-    key.textContent = "—";
+    const key = make("span", { textContent: "—" });
     key.style.color = `var(--${hue(release)})`;
-    label.append(box, key, ` ${release.number}, ${TITLES[release.test]?.toLowerCase() ?? "by hand"} at ${release.time_s.toFixed(1)} s`);
-    name.append(label);
-    cell(release.start_deg.toFixed(1));
-    cell(run ? seconds(run.rise_s) : "–");
-    cell(run ? run.overshoot_pct.toFixed(1) : "–");
-    cell(run ? seconds(run.settling_5pct_s) : "–");
-    cell(run ? degrees(run.final_error_rad).toFixed(2) : "the set point moved");
-    cell(release.changes.map(([name, before, now]) => `${name} ${before} → ${now}`).join(", ") || "–");
-    const log = cell([release.log?.split(/[/\\]/).at(-1), release.stayed ? "" : "ended in a failsafe"].filter(Boolean).join("; ") || "–");
-    log.title = release.log ?? "";
-    return tr;
+    const name = `${release.number}, ${TITLES[release.test]?.toLowerCase() ?? "by hand"} at ${release.time_s.toFixed(1)} s`;
+    const log = [release.log?.split(/[/\\]/).at(-1), release.stayed ? "" : "ended in a failsafe"].filter(Boolean).join("; ");
+    const cells = [
+      release.start_deg.toFixed(1),
+      run ? seconds(run.rise_s) : "–",
+      run ? run.overshoot_pct.toFixed(1) : "–",
+      run ? seconds(run.settling_5pct_s) : "–",
+      run ? degrees(run.final_error_rad).toFixed(2) : "the set point moved",
+      release.changes.map(([name, before, now]) => `${name} ${before} → ${now}`).join(", ") || "–",
+    ].map((textContent) => make("td", { textContent }));
+    return make("tr", {}, make("td", {}, make("label", {}, box, key, ` ${name}`)), ...cells,
+      make("td", { textContent: log || "–", title: release.log ?? "" }));
   }
 
   /** The charts anew. */

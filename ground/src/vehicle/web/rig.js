@@ -1,5 +1,7 @@
 // The panel of the virtual rig: what a person can do to it by hand. It is there only for a rig.
 
+import { make } from "./dom.js";
+
 /** Buttons by group: label, action, what it does. */
 const GROUPS = [
   ["Clamp", [
@@ -41,12 +43,6 @@ const SETTINGS = [
   ["temperature", "20,45,60", "temperature: from °C, to °C, s"],
   ["hardware", "stretch=400", "part that differs: KEY=VALUE"],
 ];
-
-const make = (tag, fields = {}, ...inner) => {
-  const element = Object.assign(document.createElement(tag), fields);
-  element.append(...inner);
-  return element;
-};
 
 export class RigPanel {
   /** `act(action)` does an action and gives `{ error }` if it is refused. */

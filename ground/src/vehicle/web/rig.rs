@@ -10,16 +10,14 @@ use ::rig::bno055::FaultKind;
 use anyhow::{Context, Result, anyhow, bail};
 use serde_json::{Value, json};
 use tokio::task::spawn_blocking;
-use tokio::time::{sleep, timeout};
+use tokio::time::sleep;
 
 use super::model::Model;
-use crate::flight::rig::{answer, control_path};
+use crate::flight::rig::{PATIENCE, answer, ask, control_path};
 use crate::vehicle::on_rig::Asked;
 
 /// Time between two looks at the rig.
 const LOOK: Duration = Duration::from_millis(200);
-/// Time for an answer.
-const PATIENCE: Duration = Duration::from_secs(2);
 
 /// How the rig is acted on.
 #[derive(Clone, Debug)]
@@ -43,19 +41,18 @@ impl RigControl {
     /// # Errors
     /// There is no rig, it does not answer, or it refuses.
     pub async fn act(self, action: &str) -> Result<Value> {
-        let line = match self {
+        let action = action.to_owned();
+        match self {
             Self::None => bail!("this port is no virtual rig"),
-            Self::Socket(path) => {
-                timeout(PATIENCE, ask(&path, action)).await.context("the rig does not answer")??
-            }
+            Self::Socket(path) => spawn_blocking(move || ask(&path, &action)).await?,
             Self::Here(rig) => {
-                let (answer, told) = channel();
+                let (tell, told) = channel();
                 let ended = "the rig has ended";
-                rig.send((action.to_owned(), answer)).context(ended)?;
-                spawn_blocking(move || told.recv_timeout(PATIENCE)).await?.context(ended)?
+                rig.send((action, tell)).context(ended)?;
+                let line = spawn_blocking(move || told.recv_timeout(PATIENCE)).await?;
+                answer(&line.context(ended)?)
             }
-        };
-        answer(&line)
+        }
     }
 
     /// Keeps in the model how the rig is, for ever.
@@ -86,23 +83,4 @@ pub fn vocabulary() -> Value {
         json!({ "kind": kind.name(), "share": takes_share })
     });
     json!({ "faults": faults, "actions": HELP })
-}
-
-#[cfg(unix)]
-async fn ask(path: &Path, action: &str) -> Result<String> {
-    use report::input::ANSWER;
-    use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
-    use tokio::net::UnixStream;
-
-    let stream = UnixStream::connect(path).await;
-    let mut stream = stream.context("no rig that can be acted on is at this port")?;
-    stream.write_all(format!("{action}\n").as_bytes()).await?;
-    let mut line = String::new();
-    BufReader::new(stream.take(ANSWER)).read_line(&mut line).await?;
-    Ok(line)
-}
-
-#[cfg(not(unix))]
-async fn ask(_path: &Path, _action: &str) -> Result<String> {
-    bail!("this port is no virtual rig")
 }

@@ -67,6 +67,7 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/page.css", STYLE, include_str!("page.css")),
     ("/page.js", SCRIPT, include_str!("page.js")),
     ("/guided.js", SCRIPT, include_str!("guided.js")),
+    ("/dom.js", SCRIPT, include_str!("dom.js")),
     ("/link.js", SCRIPT, include_str!("link.js")),
     ("/stop.js", SCRIPT, include_str!("stop.js")),
     ("/charts.js", SCRIPT, include_str!("charts.js")),

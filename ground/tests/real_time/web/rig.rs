@@ -106,7 +106,7 @@ fn what_is_no_action_comes_late_or_has_no_rig_is_refused() {
     page.wait_for("standby");
     page.wait("rig", Value::is_null);
     let said = page.refused("rig", json!({ "action": "reset" }));
-    assert!(said.contains("no rig that can be acted on"), "{said}");
+    assert!(said.contains("no virtual rig listens"), "{said}");
 }
 
 #[test]
@@ -124,5 +124,5 @@ fn a_shell_acts_on_the_rig_too() {
     drop(rig);
     let gone = tell(&["state"]);
     assert_eq!(gone.status.code(), Some(1));
-    assert!(said(&gone).contains("no rig with --link"), "{}", said(&gone));
+    assert!(said(&gone).contains("no virtual rig listens"), "{}", said(&gone));
 }
