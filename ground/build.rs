@@ -5,9 +5,9 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::{env, fs};
+use std::{env, fs, io};
 
-use image_build::{BuildError, Builder, FIRMWARE_SOURCES, Source, Toolchain, build_id, sum_of};
+use image_build::{Builder, FIRMWARE_SOURCES, Source, Toolchain, build_id, sum_of};
 
 /// Folders of what the tool itself is made from, and what it computes with.
 const TOOL_SOURCES: [&str; 10] = [
@@ -67,7 +67,7 @@ fn tree() -> PathBuf {
 
 /// Builds the image into `folder`. A toolchain is looked for and not changed: that is for whoever
 /// installs the tool to decide.
-fn build(folder: &Path) -> Result<PathBuf, BuildError> {
+fn build(folder: &Path) -> io::Result<PathBuf> {
     let tree = tree();
     Builder::new(folder.to_owned(), Toolchain::find(&tree)?).build(&Source::firmware(&tree))
 }

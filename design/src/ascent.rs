@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 use anyhow::{Result, anyhow};
 use nalgebra::{UnitQuaternion, Vector3};
 use rig::bench::{Rocket, RocketConfig};
-use rig::rocket::{Airframe, Design};
+use rig::rocket::Airframe;
 use tvc_pid::Law as _;
 use tvc_pid::{Config, Controller, Gains, Pid, Schedule};
 
@@ -27,15 +27,6 @@ const LEFT_OUT: f64 = 0.25;
 /// A rocket that is tilted by more is lost, rad.
 const LOST_RAD: f64 = 60.0 * PI / 180.0;
 
-/// How gains come about.
-#[derive(Clone, Copy, Debug)]
-pub enum Law {
-    /// A schedule's, made for this.
-    Scheduled(Design),
-    /// The same throughout.
-    Constant(Gains),
-}
-
 /// How a flight ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
@@ -45,11 +36,16 @@ pub enum Outcome {
     LostAt(f64),
 }
 
-/// Flies a rocket from its pad to the end of its burn, with gains that are made for an `airframe`.
-/// The gimbal is sent to `effect` times what the law asks for.
-pub fn fly(on_pad: &RocketConfig, airframe: &Airframe, law: Law, effect: f64) -> Result<Outcome> {
+/// Flies a rocket from its pad to the end of its burn, with `constant` gains or the schedule of an
+/// `airframe`. The gimbal is sent to `effect` times what the law asks for.
+pub fn fly(
+    on_pad: &RocketConfig,
+    airframe: &Airframe,
+    constant: Option<Gains>,
+    effect: f64,
+) -> Result<Outcome> {
     let burn_s = on_pad.parameters.rocket.burn_s;
-    let mut flight = Flight::new(on_pad, airframe, law, effect)?;
+    let mut flight = Flight::new(on_pad, airframe, constant, effect)?;
     let (mut square, mut counted) = (0.0, 0.0);
     while flight.now_s() + PERIOD_S <= burn_s {
         let [pitch, roll] = flight.rocket.ascent().tilt_rad();
@@ -82,8 +78,13 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// A rocket on its pad that is lit, under gains that are made for an `airframe`.
-    pub fn new(on_pad: &RocketConfig, airframe: &Airframe, law: Law, effect: f64) -> Result<Self> {
+    /// A rocket on its pad that is lit, with `constant` gains or the schedule of an `airframe`.
+    pub fn new(
+        on_pad: &RocketConfig,
+        airframe: &Airframe,
+        constant: Option<Gains>,
+        effect: f64,
+    ) -> Result<Self> {
         let [pitch, roll] = on_pad.start_rad;
         let attitude = UnitQuaternion::from_scaled_axis(Vector3::new(roll, pitch, 0.0));
         let mut rocket = Rocket::new(on_pad, attitude)?;
@@ -93,9 +94,10 @@ impl Flight {
         let limit = (airframe.rocket().gimbal_limit_rad / effect) as f32;
         let config =
             |gains| Config { gains, limit: -limit..=limit, ..Config::new(PERIOD_S as f32) };
-        let (first, schedule) = match law {
-            Law::Constant(gains) => (gains, Schedule::default()),
-            Law::Scheduled(design) => {
+        let (first, schedule) = match constant {
+            Some(gains) => (gains, Schedule::default()),
+            None => {
+                let design = airframe.design;
                 let row = |at_s: f64| (at_s as f32, config(design.gains(&table, at_s)));
                 let schedule = Schedule::new(airframe.rows_s().map(row));
                 let schedule = schedule.map_err(|error| anyhow!("the schedule: {error}"))?;
@@ -172,7 +174,7 @@ mod tests {
     #[test]
     fn both_airframes_stay_upright_with_the_shipped_gains() {
         for airframe in [Airframe::stable(), Airframe::unstable()] {
-            for law in [Law::Scheduled(airframe.design), Law::Constant(airframe.constant_gains)] {
+            for law in [None, Some(airframe.constant_gains)] {
                 let outcome = fly(&airframe.on_pad(1), &airframe, law, 1.0).unwrap();
                 let Outcome::Flown(error_rad) = outcome else {
                     panic!("{airframe:?}, {law:?}: {outcome:?}");
@@ -186,7 +188,7 @@ mod tests {
     fn an_unstable_rocket_without_control_is_lost() {
         let none = Gains::default();
         let airframe = Airframe::unstable();
-        let outcome = fly(&airframe.on_pad(1), &airframe, Law::Constant(none), 1.0).unwrap();
+        let outcome = fly(&airframe.on_pad(1), &airframe, Some(none), 1.0).unwrap();
         assert!(matches!(outcome, Outcome::LostAt(at_s) if at_s < 30.0), "{outcome:?}");
     }
 }

@@ -89,8 +89,8 @@ pub fn run(options: &Identify) -> Result<Verdict> {
     if let Some(out) = &options.out {
         kind::keep_apart(out, options.vehicle.file())?;
     }
-    let nominal = options.vehicle.drone(options.servo)?;
     let vehicle = options.vehicle.read(options.servo)?;
+    let nominal = vehicle.drone()?;
     let spinner = progress::spinner("{spinner} {msg}");
     spinner.enable_steady_tick(Duration::from_millis(200));
     spinner.set_message("searching for the parameters");
@@ -180,10 +180,12 @@ pub fn read(path: &Path, release: Option<usize>, axis: Axis) -> Result<Vec<Recor
     let head = reader.headers().map_err(|error| BadInput::of(path, error))?;
     let columns = Columns::of(head).map_err(|error| BadInput::of(path, error))?;
     let mut record = Record::default();
-    for (index, row) in reader.records().enumerate() {
+    // Not the number of the record: blank lines are none.
+    let line = |row: &StringRecord| row.position().map_or(0, |at| at.line());
+    for row in reader.records() {
         let row = row.map_err(|error| BadInput::of(path, error))?;
         take(&columns, &row, &mut record)
-            .map_err(|error| BadInput::of(path, format!("row {}: {error}", index + 2)))?;
+            .map_err(|error| BadInput::of(path, format!("row {}: {error}", line(&row))))?;
     }
     Ok(vec![record])
 }

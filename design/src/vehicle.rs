@@ -11,6 +11,7 @@ use plant::{Parameters, ServoModel, Setup};
 use rig::bench::{TwoAxes, VehicleConfig};
 use rig::rocket::{self, Airframe, Conditions, Mounting, RocketLaw};
 use rig::{RigConfig, ServoKind};
+use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 use tvc_nano::Params;
 
@@ -18,7 +19,8 @@ use report::exit::BadInput;
 use report::input;
 
 /// What kind of vehicle.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum VehicleKind {
     /// The tethered drone: it pitches, and has one rudder.
     #[default]
@@ -94,21 +96,7 @@ impl VehicleChoice {
     /// # Errors
     /// A file that cannot be used; a rocket.
     pub fn drone(&self, servo: ServoKind) -> Result<Setup> {
-        self.drone_over(setup(servo))
-    }
-
-    /// The same with what its file leaves out as in `base`.
-    ///
-    /// # Errors
-    /// As [`Self::drone`].
-    pub fn drone_over(&self, base: Setup) -> Result<Setup> {
-        let Vehicle { kind, setup, .. } = self.read_over(base)?;
-        if kind == VehicleKind::Rocket {
-            bail!(BadInput::new(
-                "--vehicle: this command is for drones; `tvc fly` and `tvc tune` take rockets"
-            ));
-        }
-        Ok(setup)
+        self.read(servo)?.drone()
     }
 
     /// The rockets that are meant.
@@ -123,7 +111,11 @@ impl VehicleChoice {
         Ok(vehicle.airframes)
     }
 
-    fn read_over(&self, base: Setup) -> Result<Vehicle> {
+    /// The vehicle, with what its file leaves out as in `base`.
+    ///
+    /// # Errors
+    /// A file that cannot be used.
+    pub fn read_over(&self, base: Setup) -> Result<Vehicle> {
         let path = match self {
             Self::File(path) => path,
             Self::Known(kind) => {
@@ -166,6 +158,19 @@ pub struct Vehicle {
 }
 
 impl Vehicle {
+    /// The drone, or either axis of one with two.
+    ///
+    /// # Errors
+    /// It is a rocket.
+    pub fn drone(&self) -> Result<Setup> {
+        if self.kind == VehicleKind::Rocket {
+            bail!(BadInput::new(
+                "--vehicle: this command is for drones; `tvc fly` and `tvc tune` take rockets"
+            ));
+        }
+        Ok(self.setup)
+    }
+
     /// Reads a vehicle's file; what it leaves out of a drone is as in `base`. A motor's file is
     /// read by `read`.
     ///

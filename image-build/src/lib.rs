@@ -15,7 +15,7 @@ pub use seal::SEAL;
 pub use toolchain::Toolchain;
 
 use std::env;
-use std::fmt;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -46,19 +46,6 @@ const FLAGS: &str = "-Cstrip=debuginfo";
 /// Of the flight image alone, with cargo's separator: fewer functions are inlined than the compiler
 /// would, which takes 1.1 KB less flash for as many cycles.
 const FLIGHT_FLAGS: &str = "\u{1f}-Cllvm-args=-inline-threshold=20";
-
-/// Why there is no image: no toolchain here can build for the chip, a program could not be started,
-/// or the build failed.
-#[derive(Debug)]
-pub struct BuildError(String);
-
-impl fmt::Display for BuildError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for BuildError {}
 
 /// A binary for the chip and how it is to be built.
 #[derive(Clone, Copy, Debug)]
@@ -104,7 +91,7 @@ impl Builder {
     ///
     /// # Errors
     /// No toolchain.
-    pub fn in_tree(tree: &Path, say: &mut dyn FnMut(&str)) -> Result<Self, BuildError> {
+    pub fn in_tree(tree: &Path, say: &mut dyn FnMut(&str)) -> io::Result<Self> {
         let target = match env::var_os("CARGO_TARGET_DIR") {
             Some(folder) => std::path::absolute(&folder).unwrap_or_else(|_| folder.into()),
             None => tree.join("target"),
@@ -127,8 +114,8 @@ impl Builder {
     ///
     /// # Errors
     /// Cargo could not be started, or the build failed.
-    pub fn build(&self, source: &Source<'_>) -> Result<PathBuf, BuildError> {
-        let failed = |why: &str| BuildError(format!("the image does not build:\n{why}"));
+    pub fn build(&self, source: &Source<'_>) -> io::Result<PathBuf> {
+        let failed = |why: &str| io::Error::other(format!("the image does not build:\n{why}"));
         let output = run(&mut self.command(source))?;
         if !output.status.success() {
             return Err(failed(String::from_utf8_lossy(&output.stderr).trim()));
@@ -158,10 +145,10 @@ impl Builder {
     }
 }
 
-fn run(command: &mut Command) -> Result<Output, BuildError> {
+fn run(command: &mut Command) -> io::Result<Output> {
     command.output().map_err(|error| {
         let program = command.get_program().to_string_lossy();
-        BuildError(format!("cannot run {program}: {error}"))
+        io::Error::other(format!("cannot run {program}: {error}"))
     })
 }
 

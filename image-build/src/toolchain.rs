@@ -2,10 +2,11 @@
 
 use std::env;
 use std::ffi::OsString;
+use std::io;
 use std::path::Path;
 use std::process::Command;
 
-use crate::{BuildError, TARGET, run};
+use crate::{TARGET, run};
 
 /// Where Debian installs its compiler; a package of its own brings the sources of `core`.
 const DEBIAN_CARGO: &str = "/usr/bin/cargo";
@@ -25,7 +26,7 @@ impl Toolchain {
     ///
     /// # Errors
     /// There is none; the error says how to install one.
-    pub fn find(tree: &Path) -> Result<Self, BuildError> {
+    pub fn find(tree: &Path) -> io::Result<Self> {
         if has_target(tree) {
             return Ok(Self::Ready);
         }
@@ -37,7 +38,7 @@ impl Toolchain {
     ///
     /// # Errors
     /// There is none; the error says how to install one.
-    pub fn find_or_add(tree: &Path, say: &mut dyn FnMut(&str)) -> Result<Self, BuildError> {
+    pub fn find_or_add(tree: &Path, say: &mut dyn FnMut(&str)) -> io::Result<Self> {
         if has_target(tree) {
             return Ok(Self::Ready);
         }
@@ -58,11 +59,11 @@ impl Toolchain {
         Ok(found)
     }
 
-    fn debian(reason: &str) -> Result<Self, BuildError> {
+    fn debian(reason: &str) -> io::Result<Self> {
         if Path::new(DEBIAN_CARGO).exists() && has_core_sources() {
             return Ok(Self::Debian);
         }
-        Err(BuildError(format!(
+        Err(io::Error::other(format!(
             "no Rust toolchain here can build for the chip ({reason}; Debian's compiler with the \
              sources of core is not there). Either install it with `rustup target add {TARGET}`, or \
              on Debian with `apt install rustc-web cargo-web rust-web-src lld`"

@@ -78,6 +78,29 @@ impl Functions {
     }
 }
 
+/// Interrupts of the chip in the order of their lines (data sheet, table 11-3).
+const LINES: [&str; 28] = [
+    "PM", "SYSCTRL", "WDT", "RTC", "EIC", "NVMCTRL", "DMAC", "USB", "EVSYS", "SERCOM0", "SERCOM1",
+    "SERCOM2", "SERCOM3", "SERCOM4", "SERCOM5", "TCC0", "TCC1", "TCC2", "TC3", "TC4", "TC5", "TC6",
+    "TC7", "ADC", "AC", "DAC", "PTC", "I2S",
+];
+
+/// What the exception of a number is called; without one the core runs the thread.
+pub fn exception_name(number: usize) -> String {
+    match number {
+        0 => "thread".into(),
+        2 => "NMI".into(),
+        3 => "HardFault".into(),
+        11 => "SVCall".into(),
+        14 => "PendSV".into(),
+        15 => "SysTick".into(),
+        _ => match LINES.get(number.wrapping_sub(16)) {
+            Some(line) => format!("interrupt {line}"),
+            None => format!("exception {number}"),
+        },
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -188,10 +188,6 @@ pub struct Sample {
     pub rudder_rad: f64,
     /// The law's last crank command, in rad.
     pub command_rad: f64,
-    /// The servo's target, in rad.
-    pub target_rad: f64,
-    /// Load on the crank, in N m.
-    pub hinge_torque_n_m: f64,
 }
 
 /// Drone and servo in a loop that a law closes.
@@ -320,8 +316,6 @@ impl PitchLoop {
             crank: self.drone.crank(),
             rudder_rad: self.drone.rudder_rad(),
             command_rad: self.command_rad,
-            target_rad: self.servo.target_rad(),
-            hinge_torque_n_m: self.drone.hinge_torque_n_m(),
         }
     }
 

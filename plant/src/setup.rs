@@ -195,7 +195,9 @@ fn quantity(text: &str, units: &[(&str, f64)]) -> Result<f64, String> {
 fn units(key: &str) -> Option<&'static [(&'static str, f64)]> {
     const DEG: f64 = std::f64::consts::PI / 180.0;
     /// Endings; a longer one stands before the shorter ones that it ends in.
-    const ENDINGS: [(&str, &[(&str, f64)]); 14] = [
+    const ENDINGS: [(&str, &[(&str, f64)]); 16] = [
+        ("_n_m_rad", &[("N m/rad", 1.0), ("mN m/rad", 1e-3)]),
+        ("_kg_m2_s", &[("kg m2/s", 1.0), ("g cm2/s", 1e-7)]),
         ("_kg_m2", &[("kg m2", 1.0), ("kg cm2", 1e-4), ("g cm2", 1e-7)]),
         ("_kg", &[("kg", 1.0), ("g", 1e-3)]),
         ("_n_m_per_v", &[("N m/V", 1.0), ("mN m/V", 1e-3)]),

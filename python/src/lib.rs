@@ -18,17 +18,6 @@ type Wxyz = (f64, f64, f64, f64);
 /// A vector along the axes of the sensor.
 type Xyz = (f64, f64, f64);
 
-const FILTERS: [FilterName; 6] = [
-    FilterName::Gyro,
-    FilterName::Complementary,
-    FilterName::Mahony,
-    FilterName::Madgwick,
-    FilterName::Vqf,
-    FilterName::Kalman,
-];
-const MODES: [Mode; 2] = [Mode::SixD, Mode::NineD];
-const SCALARS: [Scalar; 3] = [Scalar::F32, Scalar::F64, Scalar::Fixed];
-
 /// The one of `all` that is called `name`.
 fn named<T: Copy + Display>(what: &str, name: &str, all: &[T]) -> PyResult<T> {
     let found = all.iter().find(|one| one.to_string() == name);
@@ -85,8 +74,8 @@ impl Estimator {
         settings: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let choice = Choice {
-            filter: named("filter", filter, &FILTERS)?,
-            scalar: named("scalar", scalar, &SCALARS)?,
+            filter: named("filter", filter, FilterName::ALL)?,
+            scalar: named("scalar", scalar, Scalar::ALL)?,
             mode: Mode::NineD,
             settings: self::settings(settings)?,
         };
@@ -196,9 +185,9 @@ impl Recording {
         settings: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Vec<Wxyz>> {
         let choice = Choice {
-            filter: named("filter", filter, &FILTERS)?,
-            scalar: named("scalar", scalar, &SCALARS)?,
-            mode: named("mode", mode, &MODES)?,
+            filter: named("filter", filter, FilterName::ALL)?,
+            scalar: named("scalar", scalar, Scalar::ALL)?,
+            mode: named("mode", mode, Mode::ALL)?,
             settings: self::settings(settings)?,
         };
         let enu = |ned| wxyz(enu_from_ned(ned));

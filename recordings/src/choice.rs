@@ -67,9 +67,14 @@ pub struct Setting {
     pub value: String,
 }
 
-/// Shows values by their names on the command line.
-macro_rules! display {
+/// All values of a kind, shown by their names on the command line.
+macro_rules! named {
     ($kind:ident: $($value:ident $name:literal),*) => {
+        impl $kind {
+            /// All of them.
+            pub const ALL: &'static [Self] = &[$(Self::$value),*];
+        }
+
         impl fmt::Display for $kind {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str(match self {
@@ -80,12 +85,12 @@ macro_rules! display {
     };
 }
 
-display! {
+named! {
     FilterName: Gyro "gyro", Complementary "complementary", Mahony "mahony",
     Madgwick "madgwick", Vqf "vqf", Kalman "kalman"
 }
-display! { Mode: SixD "6d", NineD "9d" }
-display! { Scalar: F32 "f32", F64 "f64", Fixed "fixed" }
+named! { Mode: SixD "6d", NineD "9d" }
+named! { Scalar: F32 "f32", F64 "f64", Fixed "fixed" }
 
 impl fmt::Display for Setting {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

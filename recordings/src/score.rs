@@ -12,6 +12,8 @@
 //! Each is given as the root of its mean square over the samples of the movement that have a
 //! reference. Nothing is aligned.
 
+use tvc_fusion::Quaternion;
+
 /// Root mean square errors over a recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Score {
@@ -35,12 +37,13 @@ pub struct Scorer {
 impl Scorer {
     /// Takes an estimate (body to north-east-down) and its reference (body to east-north-up).
     pub fn add(&mut self, estimate_ned: [f64; 4], reference_enu: [f64; 4]) {
-        let estimate = unit(enu_from_ned(estimate_ned));
+        let [w, x, y, z] = unit(enu_from_ned(estimate_ned));
+        let estimate = Quaternion { w, x, y, z };
         let [w, x, y, z] = unit(reference_enu);
-        let e = multiply(estimate, [w, -x, -y, -z]);
-        let total = 2.0 * e[0].abs().min(1.0).acos();
-        let heading = 2.0 * (e[3] / e[0]).abs().atan();
-        let inclination = 2.0 * e[0].hypot(e[3]).min(1.0).acos();
+        let Quaternion { w, z, .. } = estimate.mul(&Quaternion { w, x: -x, y: -y, z: -z });
+        let total = 2.0 * w.abs().min(1.0).acos();
+        let heading = 2.0 * (z / w).abs().atan();
+        let inclination = 2.0 * w.hypot(z).min(1.0).acos();
         for (square, error) in self.squares.iter_mut().zip([total, heading, inclination]) {
             *square += error * error;
         }
@@ -66,15 +69,6 @@ impl Scorer {
 /// about the horizontal between north and east. `[w, x, y, z]`, body to earth.
 pub fn enu_from_ned([w, x, y, z]: [f64; 4]) -> [f64; 4] {
     [-x - y, w + z, w - z, y - x].map(|c| c * std::f64::consts::FRAC_1_SQRT_2)
-}
-
-fn multiply([a, b, c, d]: [f64; 4], [w, x, y, z]: [f64; 4]) -> [f64; 4] {
-    [
-        a * w - b * x - c * y - d * z,
-        a * x + b * w + c * z - d * y,
-        a * y - b * z + c * w + d * x,
-        a * z + b * y - c * x + d * w,
-    ]
 }
 
 /// The same direction with the length one.

@@ -12,7 +12,7 @@ use rig::bench::{Kick, RocketConfig};
 use rig::rocket::{Airframe, Conditions, dispersed};
 
 use super::Margins;
-use crate::ascent::{Flight, Law, PERIOD_S, STEP_S};
+use crate::ascent::{Flight, PERIOD_S, STEP_S};
 use report::campaign::carry_out;
 use report::exit::{BadInput, Verdict};
 use report::measure::{Figure, Figures, Limit, Limit::AtLeast, figure, rows};
@@ -117,8 +117,7 @@ pub fn run(options: &Margins) -> Result<Verdict> {
 /// The margins of a rocket under the gains of an airframe, at ten times from its rail to the end of
 /// its burn.
 fn along_the_burn(mut on_pad: RocketConfig, airframe: &Airframe) -> Result<Vec<At>> {
-    let law = Law::Scheduled(airframe.design);
-    let mut flight = Flight::new(&on_pad, airframe, law, 1.0)?;
+    let mut flight = Flight::new(&on_pad, airframe, None, 1.0)?;
     let burn_s = on_pad.parameters.rocket.burn_s;
     while flight.on_rail() && flight.now_s() < burn_s {
         flight.tick();
@@ -128,7 +127,7 @@ fn along_the_burn(mut on_pad: RocketConfig, airframe: &Airframe) -> Result<Vec<A
     let times: Vec<f64> = (0..TIMES).map(|index| first_s + f64::from(index) * apart_s).collect();
     on_pad.kicks =
         times.iter().map(|at_s| Kick { at_s: *at_s, rates_rad_s: [KICK_RAD_S, 0.0] }).collect();
-    let mut flight = Flight::new(&on_pad, airframe, law, 1.0)?;
+    let mut flight = Flight::new(&on_pad, airframe, None, 1.0)?;
     let found = times.iter().map(|at_s| {
         while flight.now_s() + PERIOD_S < *at_s {
             flight.tick();

@@ -1,5 +1,6 @@
 //! `tvc model simulate`: a scenario in, a trajectory out.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::time::Duration;
 
@@ -82,16 +83,7 @@ fn csv(rows: &[Row]) -> String {
 }
 
 /// Smallest or largest of each column.
-fn extremes(rows: &[Row], pick: fn(f64, f64) -> f64) -> Row {
-    rows.iter().skip(1).fold(rows[0], |most, row| Row {
-        t: pick(most.t, row.t),
-        theta0: pick(most.theta0, row.theta0),
-        theta1: pick(most.theta1, row.theta1),
-        theta2: pick(most.theta2, row.theta2),
-        theta3: pick(most.theta3, row.theta3),
-        w0: pick(most.w0, row.w0),
-        w1: pick(most.w1, row.w1),
-        w2: pick(most.w2, row.w2),
-        w3: pick(most.w3, row.w3),
-    })
+fn extremes(rows: &[Row], pick: fn(f64, f64) -> f64) -> BTreeMap<&'static str, Option<f64>> {
+    let of = |column: usize| rows.iter().map(|row| row.values()[column]).reduce(pick);
+    Row::COLUMNS.into_iter().enumerate().map(|(column, name)| (name, of(column))).collect()
 }

@@ -5,13 +5,12 @@ use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::Result;
+use plant::Setup;
 use plant::dispersion::{Campaign, Draw, Ranges};
-use plant::pitch_loop::{Sample, Timing};
+use plant::pitch_loop::Sample;
 use plant::response::StepResponse;
-use plant::{Parameters, ServoModel, Setup};
 use serde::{Deserialize, Serialize};
 use tvc_nano::Params;
-use tvc_nano::params::TABLE;
 
 use super::table::Row;
 use crate::control_law::Law;
@@ -35,29 +34,21 @@ pub struct Case {
     ranges: Ranges,
     /// The image's parameters, by name.
     parameters: BTreeMap<String, f32>,
-    /// The nominal drone.
-    drone: Parameters,
-    /// The nominal servo.
-    servo: ServoModel,
-    /// The nominal timing.
-    timing: Timing,
+    /// The nominal drone, servo and timing.
+    #[serde(flatten)]
+    setup: Setup,
 }
 
 impl Case {
     /// Run `index` of a campaign.
     pub fn new(campaign: &Campaign, index: u64, setup: &Setup, params: &Params) -> Self {
-        let parameters = TABLE
-            .iter()
-            .filter_map(|info| Some((info.name.into(), params.value(info.name)?)))
-            .collect();
+        let parameters = params.iter().map(|(info, value)| (info.name.into(), value)).collect();
         Self {
             seconds: campaign.seconds,
             draw: campaign.draw(index),
             ranges: campaign.ranges,
             parameters,
-            drone: setup.drone,
-            servo: setup.servo,
-            timing: setup.timing,
+            setup: *setup,
         }
     }
 
@@ -85,20 +76,15 @@ impl Case {
     /// What is wrong with it.
     pub fn parse(text: &str) -> Result<Self, String> {
         let case: Self = toml::from_str(text).map_err(|error| error.to_string())?;
-        case.setup().validate().map_err(|error| error.to_string())?;
-        let steps = case.seconds / case.timing.step_s;
+        case.setup.validate().map_err(|error| error.to_string())?;
+        let steps = case.seconds / case.setup.timing.step_s;
         if !(0.0..=MOST_STEPS).contains(&steps) {
             return Err(format!(
                 "seconds = {} in steps of step_s = {} is not between none and {MOST_STEPS} steps",
-                case.seconds, case.timing.step_s
+                case.seconds, case.setup.timing.step_s
             ));
         }
         Ok(case)
-    }
-
-    /// The nominal drone, servo and timing.
-    fn setup(&self) -> Setup {
-        Setup { drone: self.drone, servo: self.servo, timing: self.timing }
     }
 
     /// Flies the run.
@@ -110,11 +96,11 @@ impl Case {
         for (name, value) in &self.parameters {
             params.set(name, *value).map_err(|error| format!("{name}: {error}"))?;
         }
-        let setup = self.setup();
-        let mut law = Law::new(&params, &setup.drone, &self.draw.setup(&setup).timing);
+        let setup = &self.setup;
+        let mut law = Law::new(&params, &setup.drone, &self.draw.setup(setup).timing);
         let mut motion = Vec::new();
         let flown = self.draw.fly(
-            &setup,
+            setup,
             &self.ranges,
             self.seconds,
             |measurement| law.update(measurement),

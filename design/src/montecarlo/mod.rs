@@ -14,7 +14,7 @@ use plant::pitch_loop::Timing;
 
 use crate::control_law::{self, Law};
 use ::report::campaign;
-use ::report::exit::Verdict;
+use ::report::exit::{BadInput, Verdict};
 use ::report::kind;
 pub use case::Case;
 pub use options::{MonteCarlo, MonteCarloCommand, Rerun};
@@ -71,6 +71,9 @@ fn fly(options: &MonteCarlo) -> Result<Verdict> {
         Row::new(options.servo.name(), seed, options.lateral_mm, &draw, outcome)
     };
     let rows: Vec<Row> = outcomes.iter().map(row).collect();
+    if rows.is_empty() {
+        return Err(BadInput::new("--shard: this part of the campaign has no run").into());
+    }
     let mut written = Ok(());
     let mut worst = Worst::of(&rows, WORST);
     for (place, worst) in worst.iter_mut().enumerate() {

@@ -1,6 +1,6 @@
 //! Summary of a campaign: pass rate, quantiles and the worst runs.
 
-use plant::dispersion::{self, Outcome};
+use plant::dispersion::{badness, pass_rate, quantile};
 use serde::Serialize;
 
 use super::table::Row;
@@ -18,12 +18,13 @@ pub struct Worst {
 }
 
 impl Worst {
-    /// The `count` worst of the rows, worst first; the rows stand in the order of their numbers.
+    /// The `count` worst of the rows, worst first.
     pub fn of(rows: &[Row], count: usize) -> Vec<Self> {
-        let worst = dispersion::worst(&outcomes(rows), count);
-        let place = |outcome: &Outcome| rows.binary_search_by_key(&outcome.index, |row| row.run);
-        let found = worst.iter().filter_map(|outcome| place(outcome).ok());
-        found.map(|place| Self { row: rows[place].clone(), file: None }).collect()
+        let badness = |row: &Row| badness(row.settling_5pct_s, row.overshoot_pct);
+        let mut worst: Vec<&Row> = rows.iter().collect();
+        worst.sort_by(|a, b| badness(b).total_cmp(&badness(a)));
+        let worst = worst.into_iter().take(count);
+        worst.map(|row| Self { row: row.clone(), file: None }).collect()
     }
 
     fn shown(&self) -> [Figure; 5] {
@@ -37,21 +38,16 @@ impl Worst {
     }
 }
 
-fn outcomes(rows: &[Row]) -> Vec<Outcome> {
-    rows.iter().map(Row::outcome).collect()
-}
-
 /// The figures of a campaign of at least one row; the pass rate is held to `required`, if given.
 pub fn figures(table: &[Row], worst: &[Worst], required: Option<f64>) -> Figures {
-    let outcomes = outcomes(table);
-    let rate = dispersion::pass_rate(&outcomes, Outcome::passes);
+    let rate = pass_rate(table, |row| row.pass);
     let percent = |key, share: f64, label| figure(key, share).shown(label, "%", 2).scaled(100.0);
     let overshoot = |key, share, label| {
-        let value = dispersion::quantile(&outcomes, share, |o| Some(o.overshoot_pct));
+        let value = quantile(table, share, |row| Some(row.overshoot_pct));
         figure(key, value).shown(label, "%", 1)
     };
     let settling = |key, share, label| {
-        let value = dispersion::quantile(&outcomes, share, |o| o.settling_5pct_s);
+        let value = quantile(table, share, |row| row.settling_5pct_s);
         figure(key, value).shown(label, "s", 3).or("never")
     };
     let first = &table[0];

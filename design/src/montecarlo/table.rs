@@ -82,20 +82,6 @@ impl Row {
             pass: outcome.passes(),
         }
     }
-
-    /// The result of the run, for statistics.
-    pub fn outcome(&self) -> Outcome {
-        Outcome {
-            index: self.run,
-            start_rad: self.start_rad,
-            overshoot_pct: self.overshoot_pct,
-            rise_s: self.rise_s,
-            settling_5pct_s: self.settling_5pct_s,
-            settling_2pct_s: self.settling_2pct_s,
-            settling_20mrad_s: self.settling_20mrad_s,
-            final_error_rad: self.final_error_rad,
-        }
-    }
 }
 
 impl campaign::Row for Row {

@@ -403,7 +403,10 @@ impl Problem {
         };
         let hard = |draw: &Draw| !(0.75..1.33).contains(&(draw.thrust / draw.inertia));
         let outcomes = dispersion::fly(&setup, &campaign, hard, law, || ())?;
-        let near = |outcome: &Outcome| (outcome.badness().min(2.0) - 0.6).max(0.0);
+        let near = |run: &Outcome| {
+            let badness = dispersion::badness(run.settling_5pct_s, run.overshoot_pct);
+            (badness.min(2.0) - 0.6).max(0.0)
+        };
         Ok(outcomes.iter().map(near).sum::<f64>() / DISPERSED as f64)
     }
 }

@@ -10,7 +10,7 @@ use tvc_pid::Gains;
 
 use super::search::{self, CANDIDATES};
 use super::{Tune, write};
-use crate::ascent::{self, Law, Outcome};
+use crate::ascent::{self, Outcome};
 use crate::vehicle::store;
 use report::exit::{BadInput, Verdict};
 use report::measure::{Figure, Figures, figure, rows};
@@ -56,12 +56,16 @@ pub fn run(options: &Tune, airframes: Vec<Airframe>) -> Result<Verdict> {
         let (generations, seed) = (options.generations, options.seed);
         let design = airframe.design;
         let start = [design.natural_rad_s, design.damping, design.integral];
-        let cost = |x: &[f64; 3]| cost(&airframe, Law::Scheduled(of_design(*x)));
+        let cost = |x: &[f64; 3]| {
+            let mut designed = airframe.clone();
+            designed.design = of_design(*x);
+            cost(&designed, None)
+        };
         let (design, design_cost) = search::minimise(start, generations, seed, cost, told);
 
         let Gains { kp, ki, kd } = airframe.constant_gains;
         let start = [kp, ki, kd].map(f64::from);
-        let cost = |x: &[f64; 3]| self::cost(&airframe, Law::Constant(of_gains(*x)));
+        let cost = |x: &[f64; 3]| self::cost(&airframe, Some(of_gains(*x)));
         let (gains, gains_cost) = search::minimise(start, generations, seed, cost, told);
         airframe.design = of_design(design);
         found.push((airframe, design_cost, of_gains(gains), gains_cost));
@@ -141,36 +145,26 @@ fn of_gains(gains: [f64; 3]) -> Gains {
 
 /// Mean of the flights' errors, rad rms, those with weaker and stronger gains among them. It is
 /// more where the crossover is too high, and most where the image refuses the gains.
-fn cost(airframe: &Airframe, law: Law) -> f64 {
+fn cost(airframe: &Airframe, constant: Option<Gains>) -> f64 {
     let Ok(table) = plant::rocket::Rocket::new(airframe.rocket()) else {
         return f64::INFINITY;
     };
     let crossover = |at_s: f64| {
-        let gains = match law {
-            Law::Constant(gains) => gains,
-            Law::Scheduled(design) => design.gains(&table, at_s),
-        };
+        let gains = constant.unwrap_or_else(|| airframe.design.gains(&table, at_s));
         f64::from(gains.kd) * table.at(at_s).mu_c
     };
     let highest = airframe.rows_s().map(crossover).into_iter().fold(0.0, f64::max);
     if highest > CROSSOVER_RAD_S_PER_HZ * airframe.rocket().bending_hz {
         return highest;
     }
-    let mut flown = airframe.clone();
-    let of_image = match law {
-        Law::Constant(gains) => RocketLaw::Constant(gains),
-        Law::Scheduled(design) => {
-            flown.design = design;
-            RocketLaw::Scheduled
-        }
-    };
-    if store(&mut Params::default(), &rocket::parameters(&flown, of_image)).is_err() {
+    let law = constant.map_or(RocketLaw::Scheduled, RocketLaw::Constant);
+    if store(&mut Params::default(), &rocket::parameters(airframe, law)).is_err() {
         return REFUSED;
     }
     let flights = SEEDS.flat_map(|seed| EFFECTS.map(|effect| (seed, effect)));
     let burn_s = airframe.rocket().burn_s;
     let errors = flights.map(|(seed, effect)| {
-        match ascent::fly(&airframe.on_pad(seed), airframe, law, effect) {
+        match ascent::fly(&airframe.on_pad(seed), airframe, constant, effect) {
             Ok(Outcome::Flown(error_rad)) => error_rad,
             // The sooner it is lost, the worse.
             Ok(Outcome::LostAt(at_s)) => burn_s - at_s + 1.0,

@@ -254,7 +254,7 @@ pub fn fly(
     | Manoeuvre::Chirp { seconds, .. }) = manoeuvre;
     let length = Duration::from_secs_f64(seconds);
     let Manoeuvre::Chirp { amplitude, .. } = manoeuvre else {
-        return watch(vehicle, length, &mut |_, time, _| {
+        return watch(vehicle, length, |_, time, _| {
             show(Stage::Released(time, length));
             Ok(())
         });
@@ -262,12 +262,12 @@ pub fn fly(
     let set_point = SET_POINTS[axis.index()];
     let before = vehicle.parameter(set_point)?;
     vehicle.put_back_later(set_point, before);
-    watch(vehicle, SETTLE, &mut |_, time, _| {
+    watch(vehicle, SETTLE, |_, time, _| {
         show(Stage::Released(time, SETTLE));
         Ok(())
     })?;
     let mut due = Duration::ZERO;
-    watch(vehicle, length, &mut |vehicle, time, _| {
+    watch(vehicle, length, |vehicle, time, _| {
         show(Stage::Swinging(time, length));
         if time < due {
             return Ok(());
@@ -315,7 +315,7 @@ pub fn arm(vehicle: &mut Vehicle, wait: &mut dyn FnMut(&str)) -> Result<()> {
 pub fn watch(
     vehicle: &mut Vehicle,
     length: Duration,
-    each: &mut dyn FnMut(&mut Vehicle, Duration, &[Frame]) -> Result<()>,
+    mut each: impl FnMut(&mut Vehicle, Duration, &[Frame]) -> Result<()>,
 ) -> Result<()> {
     let begun = vehicle.now();
     while vehicle.now() - begun < length {

@@ -58,10 +58,9 @@ pub struct Flown {
     #[serde(rename = "campaign", with = "named")]
     pub plan: Plan,
     /// What hangs on the rig.
-    #[serde(with = "named::choice")]
     pub vehicle: VehicleKind,
     /// Its servo.
-    #[serde(with = "named::choice")]
+    #[serde(with = "named")]
     pub servo: ServoKind,
     /// What the parts are like, as `--hardware` takes it.
     pub hardware: String,

@@ -17,27 +17,3 @@ where
     let name = String::deserialize(deserializer)?;
     name.parse().map_err(D::Error::custom)
 }
-
-/// The same for what the command line lists.
-pub mod choice {
-    use super::{Deserialize, Deserializer, Error, Serializer};
-    use clap::ValueEnum;
-
-    pub fn serialize<T: ValueEnum, S: Serializer>(
-        value: &T,
-        serializer: S,
-    ) -> Result<S::Ok, S::Error> {
-        let value = value.to_possible_value();
-        serializer.serialize_str(value.as_ref().map_or("", |value| value.get_name()))
-    }
-
-    pub fn deserialize<'de, T, D>(deserializer: D) -> Result<T, D::Error>
-    where
-        T: ValueEnum,
-        D: Deserializer<'de>,
-    {
-        let name = String::deserialize(deserializer)?;
-        let refused = |why| D::Error::custom(format!("{why}: {name}"));
-        T::from_str(&name, false).map_err(refused)
-    }
-}

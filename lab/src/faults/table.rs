@@ -51,10 +51,9 @@ pub struct Row {
     #[serde(with = "named")]
     pub campaign: Plan,
     /// The vehicle.
-    #[serde(with = "named::choice")]
     pub vehicle: VehicleKind,
     /// Its servo.
-    #[serde(with = "named::choice")]
+    #[serde(with = "named")]
     pub servo: ServoKind,
     /// What the vehicle did when the fault began.
     #[serde(with = "named")]

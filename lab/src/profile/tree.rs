@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use samd21::chip::Profile;
 
 use super::symbols::Symbols;
+use crate::functions::exception_name;
 
 /// A box of the chart: all cycles of a function under what it was called or inlined from.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -20,7 +21,10 @@ impl Node {
     pub fn new(profile: &Profile, symbols: &mut Symbols<'_>) -> Self {
         let mut root = Self::default();
         for (exception, address, cycles) in profile.iter() {
-            root.add(cycles, &[&[context(exception)], symbols.path(address)].concat());
+            root.add(
+                cycles,
+                &[&[exception_name(exception.into())], symbols.path(address)].concat(),
+            );
         }
         root
     }
@@ -81,29 +85,6 @@ fn most_first<K: Ord>(sums: BTreeMap<K, u64>) -> Vec<(K, u64)> {
     all
 }
 
-/// Interrupts of the chip in the order of their lines (data sheet, table 11-3).
-const LINES: [&str; 28] = [
-    "PM", "SYSCTRL", "WDT", "RTC", "EIC", "NVMCTRL", "DMAC", "USB", "EVSYS", "SERCOM0", "SERCOM1",
-    "SERCOM2", "SERCOM3", "SERCOM4", "SERCOM5", "TCC0", "TCC1", "TCC2", "TC3", "TC4", "TC5", "TC6",
-    "TC7", "ADC", "AC", "DAC", "PTC", "I2S",
-];
-
-/// What an exception number stands for.
-fn context(exception: u8) -> String {
-    match exception {
-        0 => "thread".into(),
-        2 => "NMI".into(),
-        3 => "HardFault".into(),
-        11 => "SVCall".into(),
-        14 => "PendSV".into(),
-        15 => "SysTick".into(),
-        number => match LINES.get(usize::from(number).wrapping_sub(16)) {
-            Some(line) => format!("interrupt {line}"),
-            None => format!("exception {number}"),
-        },
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -122,7 +103,7 @@ mod tests {
 
     #[test]
     fn lines_have_the_names_of_the_data_sheet() {
-        let names = [0, 15, 23, 43, 50].map(context);
+        let names = [0, 15, 23, 43, 50].map(exception_name);
         let expected = ["thread", "SysTick", "interrupt USB", "interrupt I2S", "exception 50"];
         assert_eq!(names, expected);
     }

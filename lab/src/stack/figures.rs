@@ -2,10 +2,10 @@
 
 use super::Analysis;
 use super::depth::Bounded;
-use super::levels::exception_name;
 use super::seen::Seen;
 use super::value::Origin;
 use super::walk::Target;
+use crate::functions::exception_name;
 use flights::requirements;
 use report::measure::Limit::AtMost;
 use report::measure::{Figure, Figures, figure, note, rows};

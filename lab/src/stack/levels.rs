@@ -5,6 +5,7 @@
 //! chip's registers hold once the image has set them. Every handler of the vector table counts,
 //! whether its interrupt is enabled or not.
 
+use crate::functions::exception_name;
 use std::collections::BTreeMap;
 
 use samd21::chip::EXCEPTIONS;
@@ -54,16 +55,4 @@ pub fn levels(
         levels.push(Level { name, exception: Some(exception), stacked: FRAME_BYTES, deepest });
     }
     levels
-}
-
-/// What an exception is called.
-pub fn exception_name(number: usize) -> String {
-    match number {
-        2 => "NMI".into(),
-        3 => "HardFault".into(),
-        11 => "SVCall".into(),
-        14 => "PendSV".into(),
-        15 => "SysTick".into(),
-        _ => format!("interrupt {}", number.saturating_sub(16)),
-    }
 }

@@ -34,7 +34,7 @@ use crate::pitch_loop::{Measurement, PitchLoop, Sample, Timing};
 use crate::response::StepResponse;
 use crate::setup::Setup;
 
-pub use statistics::{Rate, pass_rate, quantile, worst};
+pub use statistics::{Rate, pass_rate, quantile};
 
 /// Pitch rate at the start, away from upright, in rad/s.
 const START_RATE_RAD_S: f64 = 0.2;
@@ -283,13 +283,13 @@ impl Outcome {
         self.overshoot_pct <= REQUIRED_OVERSHOOT_PCT
             && self.settling_5pct_s.is_some_and(|s| s <= REQUIRED_SETTLING_S)
     }
+}
 
-    /// How bad the run was: the larger of settling time and overshoot, each as a multiple of its
-    /// limit. A run that never settled counts as 100.
-    pub fn badness(&self) -> f64 {
-        let settling = self.settling_5pct_s.map_or(100.0, |s| s / REQUIRED_SETTLING_S);
-        settling.max(self.overshoot_pct / REQUIRED_OVERSHOOT_PCT)
-    }
+/// How bad a run was: the larger of settling time and overshoot, each as a multiple of its limit. A
+/// run that never settled counts as 100.
+pub fn badness(settling_5pct_s: Option<f64>, overshoot_pct: f64) -> f64 {
+    let settling = settling_5pct_s.map_or(100.0, |s| s / REQUIRED_SETTLING_S);
+    settling.max(overshoot_pct / REQUIRED_OVERSHOOT_PCT)
 }
 
 /// Flies those of a campaign's shard that `chosen` takes, on all cores of the current thread pool.

@@ -1,7 +1,5 @@
 //! Statistics over the outcomes of a campaign.
 
-use super::Outcome;
-
 /// A share of runs with its 95 % confidence bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
@@ -43,11 +41,7 @@ pub fn pass_rate<T>(outcomes: &[T], test: impl Fn(&T) -> bool) -> Rate {
 
 /// The `share` quantile (0 to 1) of a figure over the outcomes, by nearest rank; a missing figure
 /// (not settled) counts as larger than any. `None` if it is missing or there are no outcomes.
-pub fn quantile(
-    outcomes: &[Outcome],
-    share: f64,
-    figure: impl Fn(&Outcome) -> Option<f64>,
-) -> Option<f64> {
+pub fn quantile<T>(outcomes: &[T], share: f64, figure: impl Fn(&T) -> Option<f64>) -> Option<f64> {
     let mut values: Vec<f64> =
         outcomes.iter().map(|outcome| figure(outcome).unwrap_or(f64::INFINITY)).collect();
     values.sort_by(f64::total_cmp);
@@ -55,16 +49,9 @@ pub fn quantile(
     values.get(rank - 1).copied().filter(|value| value.is_finite())
 }
 
-/// The `count` worst outcomes, worst first.
-pub fn worst(outcomes: &[Outcome], count: usize) -> Vec<Outcome> {
-    let mut sorted = outcomes.to_vec();
-    sorted.sort_by(|a, b| b.badness().total_cmp(&a.badness()));
-    sorted.truncate(count);
-    sorted
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::Outcome;
     use super::*;
 
     #[test]
@@ -77,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn quantiles_and_worst_count_the_unsettled_as_worst() {
+    fn quantiles_count_the_unsettled_as_worst() {
         let outcome = |index, settling| Outcome {
             index,
             start_rad: 0.2,
@@ -89,7 +76,6 @@ mod tests {
             final_error_rad: 0.0,
         };
         let all = [outcome(0, Some(0.5)), outcome(1, None), outcome(2, Some(0.9))];
-        assert_eq!(worst(&all, 2).iter().map(|o| o.index).collect::<Vec<_>>(), [1, 2]);
         assert_eq!(quantile(&all, 0.5, |o| o.settling_5pct_s), Some(0.9));
         assert_eq!(quantile(&all, 1.0, |o| o.settling_5pct_s), None);
         assert!((pass_rate(&all, Outcome::passes).rate - 2.0 / 3.0).abs() < 1e-12);

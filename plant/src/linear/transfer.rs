@@ -14,15 +14,6 @@ pub struct TransferFunction {
     pub(super) denominator: Vec<f64>,
 }
 
-/// Closed-loop poles at one gain of a root locus.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LocusPoint {
-    /// Factor on the open loop.
-    pub gain: f64,
-    /// Closed-loop poles, in rad/s.
-    pub poles: Vec<Complex<f64>>,
-}
-
 impl TransferFunction {
     /// From coefficients, highest power first. Leading coefficients that are rounding are cut off.
     pub fn new(numerator: Vec<f64>, denominator: Vec<f64>) -> Self {
@@ -73,11 +64,6 @@ impl TransferFunction {
             *s += n;
         }
         roots(&trimmed(sum))
-    }
-
-    /// Closed-loop poles over a range of gains: the root locus.
-    pub fn root_locus(&self, gains: impl IntoIterator<Item = f64>) -> Vec<LocusPoint> {
-        gains.into_iter().map(|gain| LocusPoint { gain, poles: self.closed_poles(gain) }).collect()
     }
 }
 
@@ -160,11 +146,10 @@ mod tests {
 
     /// 1 / (s (s + 2)) closed with gain 5: s = -1 +- 2j.
     #[test]
-    fn root_locus_of_a_double_lag() {
+    fn closed_poles_of_a_double_lag() {
         let open = TransferFunction::new(vec![1.0], vec![1.0, 2.0, 0.0]);
-        let locus = open.root_locus([0.0, 5.0]);
-        assert!((locus[0].poles[0] + 2.0).norm() < 1e-12);
-        assert!((locus[1].poles[1] - Complex::new(-1.0, 2.0)).norm() < 1e-12);
+        assert!((open.closed_poles(0.0)[0] + 2.0).norm() < 1e-12);
+        assert!((open.closed_poles(5.0)[1] - Complex::new(-1.0, 2.0)).norm() < 1e-12);
     }
 
     #[test]

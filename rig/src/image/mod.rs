@@ -22,7 +22,7 @@ const LONGEST: u64 = 64 << 20;
 pub enum ImageError {
     /// It does not build.
     #[error(transparent)]
-    Build(#[from] image_build::BuildError),
+    Build(#[from] std::io::Error),
     /// The file cannot be read.
     #[error("cannot read the image {}: {source}", path.display())]
     Read {

@@ -8,7 +8,7 @@ use plant::free::State;
 use plant::linear::frequency::OpenLoop;
 use plant::linear::{StateSpace, equilibrium, equilibrium_at_crank, linearise};
 use plant::pitch_loop::Timing;
-use plant::{Mechanism, Parameters, ServoModel, Setup};
+use plant::{Mechanism, ServoModel, Setup};
 
 use crate::model::Linear;
 use ::report::exit::{BadInput, Verdict};
@@ -62,9 +62,8 @@ fn analyse(options: &Linear) -> Result<Analysis> {
 }
 
 fn setup(options: &Linear) -> Result<Setup> {
-    let mut setup = options.vehicle.drone_over(Setup::default())?;
-    let preset = options.preset.as_deref().and_then(Parameters::preset);
-    setup.drone = preset.unwrap_or(setup.drone);
+    let mut setup = options.vehicle.read_over(Setup::default())?.drone()?;
+    setup.drone = options.preset.unwrap_or(setup.drone);
     match options.servo {
         None => {}
         Some(ServoKind::S3003) => {

@@ -4,7 +4,7 @@ use anyhow::Result;
 use maud::{Markup, html};
 use nalgebra::Complex;
 use plant::linear::frequency::Response;
-use plant::linear::transfer::{LocusPoint, TransferFunction};
+use plant::linear::transfer::TransferFunction;
 
 use super::Analysis;
 use report::page::{figure, page, verdict};
@@ -100,23 +100,23 @@ fn pole_zero_map(analysis: &Analysis) -> Result<Markup> {
 
 /// Branches of a root locus as lines: the poles of one gain and the next are
 /// paired nearest first.
-fn branches(locus: &[LocusPoint]) -> Vec<Vec<(f64, f64)>> {
+fn branches(locus: &[Vec<Complex<f64>>]) -> Vec<Vec<(f64, f64)>> {
     let Some(first) = locus.first() else {
         return Vec::new();
     };
-    let mut ends = first.poles.clone();
+    let mut ends = first.clone();
     let mut lines: Vec<Vec<(f64, f64)>> = ends.iter().map(|z| vec![(z.re, z.im)]).collect();
-    for point in &locus[1..] {
+    for poles in &locus[1..] {
         let mut pairs: Vec<(f64, usize, usize)> = (0..ends.len())
-            .flat_map(|from| (0..point.poles.len()).map(move |to| (from, to)))
-            .map(|(from, to)| ((point.poles[to] - ends[from]).norm(), from, to))
+            .flat_map(|from| (0..poles.len()).map(move |to| (from, to)))
+            .map(|(from, to)| ((poles[to] - ends[from]).norm(), from, to))
             .collect();
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut taken = (vec![false; ends.len()], vec![false; point.poles.len()]);
+        let mut taken = (vec![false; ends.len()], vec![false; poles.len()]);
         for (_, from, to) in pairs {
             if !taken.0[from] && !taken.1[to] {
                 (taken.0[from], taken.1[to]) = (true, true);
-                ends[from] = point.poles[to];
+                ends[from] = poles[to];
                 lines[from].push((ends[from].re, ends[from].im));
             }
         }
@@ -137,7 +137,8 @@ fn locus_lines<'a>(
     colour: usize,
     gain: f64,
 ) -> Vec<Line<'a>> {
-    let locus = open.root_locus(gains_around(gain.abs()).map(|g| g * gain.signum()));
+    let gains = gains_around(gain.abs()).map(|g| g * gain.signum());
+    let locus: Vec<_> = gains.map(|gain| open.closed_poles(gain)).collect();
     // The branches have one entry in the legend, that of the first.
     let names = std::iter::once(name).chain(std::iter::repeat(""));
     let lines = names.zip(branches(&locus));

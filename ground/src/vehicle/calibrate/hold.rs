@@ -80,7 +80,7 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
     })?;
     session.vehicle.command(request::RELEASE)?;
     let (mut steps, mut pitch_deg) = (Vec::new(), 0.0);
-    watch(&mut session.vehicle, SETTLE + length, &mut |_, lasted, frames| {
+    watch(&mut session.vehicle, SETTLE + length, |_, lasted, frames| {
         for frame in frames {
             match &frame.message {
                 MavMessage::ATTITUDE_QUATERNION(q) => {

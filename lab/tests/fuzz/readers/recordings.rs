@@ -11,15 +11,6 @@ use design::{identify, montecarlo};
 use ground::vehicle::calibrate::readings;
 use lab::faults::{self, report, summary, table};
 
-const FILTERS: [FilterName; 6] = [
-    FilterName::Gyro,
-    FilterName::Complementary,
-    FilterName::Mahony,
-    FilterName::Madgwick,
-    FilterName::Vqf,
-    FilterName::Kalman,
-];
-
 /// A table for `tvc identify` and `tvc calibrate --from`.
 pub fn table(bytes: &[u8], _: u64) -> Outcome {
     with_file(bytes, "csv", as_table)
@@ -42,9 +33,9 @@ fn fused(path: &Path, number: u64) -> Outcome {
         return Ok(());
     };
     let kinds = [Scalar::F32, Scalar::F64, Scalar::Fixed];
-    let (kind, filter) = (number as usize % 3, number as usize / 3 % FILTERS.len());
+    let (kind, filter) = (number as usize % 3, number as usize / 3 % FilterName::ALL.len());
     let choice = Choice {
-        filter: FILTERS[filter],
+        filter: FilterName::ALL[filter],
         scalar: kinds[kind],
         mode: if number.is_multiple_of(2) { Mode::NineD } else { Mode::SixD },
         settings: Vec::new(),
