@@ -248,6 +248,11 @@ impl Rig {
 
     fn reset(&mut self, cause: ResetCause) {
         self.reset_chip(cause);
+        self.leave_reset(cause);
+    }
+
+    /// The chip starts, unless its supply is too low.
+    fn leave_reset(&mut self, cause: ResetCause) {
         if self.chip.is_held_in_reset() {
             self.running = Running::Held(cause);
         } else {
@@ -288,10 +293,8 @@ impl Rig {
     pub fn set_supply(&mut self, volts: f64) {
         if self.chip.set_supply(volts) {
             self.reset(ResetCause::BrownOut33);
-        } else if let Running::Held(cause) = self.running
-            && !self.chip.is_held_in_reset()
-        {
-            self.enter_bootloader(cause);
+        } else if let Running::Held(cause) = self.running {
+            self.leave_reset(cause);
         }
     }
 
@@ -327,7 +330,12 @@ impl Rig {
         for (index, byte) in self.chip.memory.ram_mut().iter_mut().enumerate() {
             *byte = (index as u8).wrapping_mul(167) ^ 0x5A;
         }
-        self.enter_bootloader(ResetCause::PowerOn);
+        self.leave_reset(ResetCause::PowerOn);
+    }
+
+    /// The bootloader waits for a program.
+    pub fn waits_for_program(&self) -> bool {
+        self.running == Running::Bootloader
     }
 
     /// True while the bootloader runs instead of the image.

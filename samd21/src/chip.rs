@@ -45,14 +45,11 @@ impl Chip {
     /// # Panics
     /// If they do not fit.
     pub fn load_flash(&mut self, address: u32, bytes: &[u8]) {
-        let start = address as usize;
-        let range = start..start + bytes.len();
         assert!(
-            range.end <= FLASH_SIZE as usize,
+            self.memory.load(address, bytes).is_some(),
             "{} bytes at 0x{address:x} do not fit into 0x{FLASH_SIZE:x} bytes of flash",
             bytes.len()
         );
-        self.memory.flash_mut()[range].copy_from_slice(bytes);
     }
 
     /// Starts the image at `vector_table`: its first word is the stack pointer, its second the

@@ -28,20 +28,13 @@ pub struct Memory {
     flash: Arc<[u8; FLASH_SIZE as usize]>,
     /// The flash, decoded.
     code: Code,
-    /// The flash may have changed behind `code`.
-    is_code_stale: bool,
     ram: Box<[u8; RAM_SIZE as usize]>,
 }
 
 impl Memory {
     /// Erased flash (0xFF) and SRAM full of noise that only `seed` decides.
     pub fn new(seed: u64) -> Self {
-        let mut memory = Self {
-            flash: filled(0xFF).into(),
-            code: Code::erased(),
-            is_code_stale: false,
-            ram: filled(0),
-        };
+        let mut memory = Self { flash: filled(0xFF).into(), code: Code::erased(), ram: filled(0) };
         let words = memory.ram.chunks_exact_mut(8);
         for (word, noise) in words.zip(noise(seed)) {
             word.copy_from_slice(&noise.to_le_bytes());
@@ -54,25 +47,22 @@ impl Memory {
         &self.flash
     }
 
-    /// All of main flash, to be written as a programmer would: no page buffer, no 1-to-0 rule.
-    pub fn flash_mut(&mut self) -> &mut [u8; FLASH_SIZE as usize] {
-        self.is_code_stale = true;
-        Arc::make_mut(&mut self.flash)
+    /// Writes main flash as a programmer would: no page buffer, no 1-to-0 rule. `None` if the bytes
+    /// do not fit.
+    pub fn load(&mut self, address: u32, bytes: &[u8]) -> Option<()> {
+        let range = window(address, bytes.len(), 0, FLASH_SIZE)?;
+        self.change(range, |cells| cells.copy_from_slice(bytes));
+        Some(())
     }
 
     /// Decoded flash.
-    pub(crate) fn code(&mut self) -> &Code {
-        if self.is_code_stale {
-            self.is_code_stale = false;
-            self.code.update(&self.flash, 0, FLASH_SIZE as usize);
-        }
+    pub(crate) fn code(&self) -> &Code {
         &self.code
     }
 
     /// Decoded flash, flash, and SRAM to write.
     #[inline]
     pub(crate) fn parts(&mut self) -> Parts<'_> {
-        self.code();
         (&self.code, &self.flash, &mut self.ram)
     }
 

@@ -24,8 +24,6 @@ pub struct Options {
     pub osculp32k_hz: u32,
     /// How far the watchdog's clock, which comes from there, is into a cycle of it at power-on.
     pub osculp32k_phase: Ticks,
-    /// A crystal of 32,768 Hz at XIN32 and XOUT32.
-    pub crystal: bool,
     /// How long the core takes to wake from sleep.
     pub wake_up: Ticks,
     /// SysTick stands still while the core sleeps. In IDLE 0 the CPU's clock stops (data sheet,
@@ -57,7 +55,6 @@ impl Default for Options {
             dfll_drift_ppm_s: 0,
             osculp32k_hz: 32_768,
             osculp32k_phase: Ticks::ZERO,
-            crystal: false,
             wake_up: Ticks::ZERO,
             systick_stops: false,
             user_row: UserRow::SHIPPED,

@@ -73,7 +73,7 @@ pub struct Linear {
 
     /// Its masses and lengths: PHYS, THESIS_TABLE or THESIS_TEXT [default: PHYS].
     #[arg(long, value_name = "P", conflicts_with = "vehicle", value_parser = preset)]
-    pub preset: Option<Parameters>,
+    pub preset: Option<Box<Parameters>>,
 
     /// Servo and frame, in place of the file's.
     #[arg(long, value_enum)]
@@ -170,9 +170,9 @@ pub struct WhatIf {
     pub report: PathBuf,
 }
 
-fn preset(name: &str) -> Result<Parameters, String> {
+fn preset(name: &str) -> Result<Box<Parameters>, String> {
     let known = || "the presets are PHYS, THESIS_TABLE, THESIS_TEXT".into();
-    Parameters::preset(name).ok_or_else(known)
+    Parameters::preset(name).map(Box::new).ok_or_else(known)
 }
 
 fn gains(text: &str) -> Result<(f64, f64), String> {

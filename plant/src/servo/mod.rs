@@ -367,7 +367,7 @@ mod tests {
 
     #[test]
     fn travel_ends_at_65_deg_of_the_shaft() {
-        let model = ServoModel::S3003.fitted(1523.6, -0.0191, 0.0);
+        let model = ServoModel::S3003.fitted(1523.6, -0.0191);
         assert!((model.crank_for_width(1523.6) + 0.0191).abs() < 1e-12);
         assert!((model.width_for_crank(-0.0191) - 1523.6).abs() < 1e-9);
         let mut servo = Servo::new(model, -0.0191, 0.0);

@@ -106,10 +106,10 @@ impl ServoModel {
     }
 
     /// The same servo with its horn fitted so that the crank stands at `crank_rad` when the pulse
-    /// is `width_us`, and `error_rad` off that.
-    pub fn fitted(self, width_us: f64, crank_rad: f64, error_rad: f64) -> Self {
+    /// is `width_us`.
+    pub fn fitted(self, width_us: f64, crank_rad: f64) -> Self {
         let shaft_rad = (width_us - self.centre_us) / self.us_per_rad;
-        Self { horn_rad: crank_rad - shaft_rad + error_rad, ..self }
+        Self { horn_rad: crank_rad - shaft_rad, ..self }
     }
 
     /// Crank angle that a pulse width (us) asks for, in rad, travel and resolution left out.

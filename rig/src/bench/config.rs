@@ -19,9 +19,6 @@ pub struct TwoAxes {
     /// Roll at which the clamp holds the drone at power-on, rad.
     #[serde(skip)]
     pub start_roll_rad: f64,
-    /// Rate about its own vertical with which it is released, rad/s.
-    #[serde(skip)]
-    pub spin_rad_s: f64,
     /// Distance of the centre of mass from the thrust axis to the right, m.
     pub lateral_cm_m: f64,
     /// Momentum of propellers that do not cancel, kg m2/s.
@@ -56,8 +53,6 @@ pub struct BenchConfig {
     /// The servo, or both, before its horn is fitted to zero rudder at
     /// [`ZERO_RUDDER_US`](super::ZERO_RUDDER_US).
     pub servo: ServoModel,
-    /// Angle by which the horn is mounted off its place on the spline, rad.
-    pub horn_error_rad: f64,
     /// Masses, lengths and loads of the drone.
     pub parameters: Parameters,
     /// What stands there.
@@ -85,7 +80,6 @@ impl Default for BenchConfig {
             wiring: Wiring::NANO_33_IOT,
             jumper: true,
             servo: ServoModel::S3003,
-            horn_error_rad: 0.0,
             parameters: Parameters::PHYS,
             vehicle: VehicleConfig::OneAxis,
             start_rad: 0.0,

@@ -150,16 +150,16 @@ pub struct Vibration {
     pub frequency_hz: f64,
     /// Further lines at whole multiples of the frequency, 0 to 4, each with half the amplitude of
     /// the line before; with all that wanders, the highest is at most [`Vibration::HIGHEST_HZ`].
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub harmonics: u8,
     /// How far the frequency wanders to either side, % of it, 0 to 20; over some seconds, as the
     /// speed of a propeller on a battery does.
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub wander_pct: f64,
 }
 
 /// True for what a report leaves out.
-fn is_zero<T: Default + PartialEq>(value: &T) -> bool {
+pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 

@@ -17,11 +17,11 @@
 //! sensor away from it.
 
 use super::clamp::Clamp;
-use super::config::{BenchConfig, VehicleConfig, hang};
+use super::config::{BenchConfig, hang};
 use super::disturbance::Disturbances;
 use super::sensor_motion::{HeldSensor, SensorMotion};
 use super::vehicle::Vehicle;
-use super::{Knock, Magnet, Since, fault_schedule, stimulus};
+use super::{Knock, Magnet, Since, stimulus};
 use crate::bno055::{Bno055, Fault};
 use crate::inertial::Stimulus;
 use crate::lsm6ds3::Lsm6ds3;
@@ -99,7 +99,7 @@ impl Environment {
     pub fn new(bench: &BenchConfig) -> Checked<Self> {
         let (mut vehicle, tilt_rad, zero_rad) = hang(bench)?;
         let clamp = Clamp::closed(&mut vehicle, tilt_rad);
-        let model = bench.servo.fitted(ZERO_RUDDER_US, zero_rad, bench.horn_error_rad);
+        let model = bench.servo.fitted(ZERO_RUDDER_US, zero_rad);
         let mut sensor = bench.sensor.clone();
         if let Some(temperature) = &bench.disturbances.temperature {
             sensor.errors = temperature.of(sensor.errors);
@@ -114,10 +114,7 @@ impl Environment {
             answered: SILENT,
             unsent: Unsent::default(),
             turning: (Vector3::zeros(), Vector3::zeros()),
-            spin_rad_s: match &bench.vehicle {
-                VehicleConfig::TwoAxes(two) => two.spin_rad_s,
-                VehicleConfig::OneAxis | VehicleConfig::Rocket(_) => 0.0,
-            },
+            spin_rad_s: 0.0,
             gust: None,
             knock: None,
             magnet: None,
@@ -268,12 +265,19 @@ impl Environment {
         let now = STEP * self.steps;
         let dt_s = STEP.as_secs_f64();
         self.disturb(now);
-        let powered = Some(now.saturating_sub(self.powered));
-        let released = self.clamp.open_for(now);
-        for (what, since) in [(Since::PowerOn, powered), (Since::Release, released)] {
-            if let Some(since) = since {
-                let interval = since.saturating_sub(STEP)..since;
-                fault_schedule::switch(&self.bench.faults, what, interval, &mut self.sensor, now);
+        for timed in &self.bench.faults {
+            let Some(since) = (match timed.since {
+                Since::PowerOn => Some(now.saturating_sub(self.powered)),
+                Since::Release => self.clamp.open_for(now),
+            }) else {
+                continue;
+            };
+            let step = since.saturating_sub(STEP)..since;
+            if step.contains(&timed.at) {
+                self.sensor.inject(now, timed.fault);
+            }
+            if step.contains(&timed.until) {
+                self.sensor.clear(now, timed.fault);
             }
         }
         let loads = self.vehicle.crank_loads();

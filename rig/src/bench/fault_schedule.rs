@@ -1,11 +1,12 @@
 //! Faults that begin and end at times of the flight, or at times after the power comes on.
 
-use crate::bno055::{Bno055, Fault, FaultKind};
+use super::disturbance::is_default;
+use crate::bno055::{Fault, FaultKind};
 use rand::Rng;
 use samd21::board::Ticks;
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
-use std::ops::{Range, RangeInclusive};
+use std::ops::RangeInclusive;
 
 /// From what on a fault's times count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
@@ -31,23 +32,6 @@ pub struct TimedFault {
     pub until: Ticks,
 }
 
-/// Switches the faults of the sensor that begin or end in an `interval` of times `since` something.
-pub(super) fn switch(
-    faults: &[TimedFault],
-    since: Since,
-    interval: Range<Ticks>,
-    sensor: &mut Bno055,
-    now: Ticks,
-) {
-    for timed in faults.iter().filter(|timed| timed.since == since) {
-        if interval.contains(&timed.until) {
-            sensor.clear(now, timed.fault);
-        } else if interval.contains(&timed.at) {
-            sensor.inject(now, timed.fault);
-        }
-    }
-}
-
 /// A timed fault as it stands in a scenario file and in the figures of a flight.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -55,7 +39,7 @@ pub struct FaultEntry {
     /// Name of its kind.
     pub kind: String,
     /// From what on its times count.
-    #[serde(default, skip_serializing_if = "is_release")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub since: Since,
     /// When it begins, s.
     pub at_s: f64,
@@ -72,11 +56,6 @@ pub struct FaultEntry {
     /// Clocks until the line is free, 1 to 9, for `sda-held`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clocks: Option<u8>,
-}
-
-/// A report leaves out what times have always counted from.
-fn is_release(since: &Since) -> bool {
-    *since == Since::Release
 }
 
 impl FaultEntry {

@@ -121,8 +121,6 @@ impl Hardware {
         *sensor = bno055::Config {
             seed: sensor.seed,
             errors: sensor.errors,
-            boot_ms: sensor.boot_ms.clone(),
-            reset_hangs: sensor.reset_hangs,
             clock_error: self.sensor_clock_percent / 100.0,
             ..self.sensor.clone()
         };

@@ -1,7 +1,7 @@
 //! What reading and writing a register does.
 
 use super::registers::{Mode, error, page0, page1, status, trigger, unit};
-use super::{Bno055, FaultKind, GROUPS, Power, Transfer};
+use super::{Bno055, FaultKind, GROUPS, Power};
 use samd21::board::Ticks;
 
 // How long it takes to leave CONFIG and to return to it (data sheet page 21), to test itself, and
@@ -176,13 +176,7 @@ impl Bno055 {
 
     fn trigger(&mut self, now: Ticks, value: u8, config: bool) {
         if value & trigger::RST_SYS != 0 {
-            if self.config.reset_hangs {
-                self.power = Power::Hung;
-                self.transfer = Transfer::default();
-            } else {
-                self.boot(now);
-            }
-            return;
+            return self.boot(now);
         }
         if value & trigger::RST_INT != 0 {
             self.set(page0::INT_STA, 0);

@@ -92,21 +92,11 @@ impl Bno055 {
     /// True if a START or STOP lies inside the byte that begins at `now`. Another master may take
     /// the bus at this moment too.
     pub fn glitch(&mut self, now: Ticks) -> bool {
-        let mut glitch = false;
-        for fault in &self.faults.0 {
-            match *fault {
-                Fault::BusErrors { probability } => {
-                    glitch |= self.bus_noise.random_bool(probability);
-                }
-                Fault::ArbitrationLosses { probability }
-                    if self.bus_noise.random_bool(probability) =>
-                {
-                    self.foreign_until = now + FOREIGN_BYTE;
-                }
-                _ => {}
-            }
+        let is_error = self.strikes(FaultKind::BusErrors);
+        if self.strikes(FaultKind::ArbitrationLosses) {
+            self.foreign_until = now + FOREIGN_BYTE;
         }
-        glitch
+        is_error
     }
 
     /// The lines that the chip, a fault of its cable or another master holds low.
@@ -124,16 +114,13 @@ impl Bno055 {
         if self.faults.has(FaultKind::ClockHang) {
             self.power = Power::Hung;
         }
-        let mut done = false;
-        for fault in &mut self.faults.0 {
-            if let Fault::SdaHeld { clocks } = fault {
+        self.faults.0.retain_mut(|fault| match fault {
+            Fault::SdaHeld { clocks } => {
                 *clocks = clocks.saturating_sub(1);
-                done = *clocks == 0;
+                *clocks > 0
             }
-        }
-        if done {
-            self.faults.clear(FaultKind::SdaHeld);
-        }
+            _ => true,
+        });
     }
 
     /// True if a bad contact loses the acknowledge of this address or byte written.
@@ -169,12 +156,11 @@ impl Bno055 {
             Some(rare) if self.bus_noise.random_bool(rare.probability) => Ticks::from_us(rare.us),
             _ => self.draw_us(self.config.bus.stretch_us.clone()),
         };
-        for fault in &self.faults.0 {
-            if let Fault::LongStretch { stretch: long, probability } = *fault
-                && self.bus_noise.random_bool(probability)
-            {
-                stretch += long;
-            }
+        if self.strikes(FaultKind::LongStretch)
+            && let Some(Fault::LongStretch { stretch: long, .. }) =
+                self.faults.get(FaultKind::LongStretch)
+        {
+            stretch += long;
         }
         stretch
     }
@@ -243,18 +229,10 @@ impl Bno055 {
 
     /// A data word after [`Fault::CorruptWords`] and [`Fault::Spikes`].
     fn disturb(&mut self, mut word: i16) -> i16 {
-        for fault in &self.faults.0 {
-            match *fault {
-                Fault::CorruptWords { probability } if self.bus_noise.random_bool(probability) => {
-                    word = -1;
-                }
-                Fault::Spikes { probability } if self.bus_noise.random_bool(probability) => {
-                    word ^= i16::MIN;
-                }
-                _ => {}
-            }
+        if self.strikes(FaultKind::Spikes) {
+            word ^= i16::MIN;
         }
-        word
+        if self.strikes(FaultKind::CorruptWords) { -1 } else { word }
     }
 }
 

@@ -3,7 +3,6 @@
 use super::bus::BusTiming;
 use crate::inertial::{ImuErrors, Magnetometer};
 use samd21::board::Ticks;
-use std::ops::RangeInclusive;
 
 /// What is fixed about one sensor and its place on the bus.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,14 +13,10 @@ pub struct Config {
     pub address: u8,
     /// Imperfections of the sensors.
     pub errors: ImuErrors,
-    /// From power-on to the first acknowledge, ms; drawn uniformly.
-    pub boot_ms: RangeInclusive<u64>,
     /// How long it holds the clock line.
     pub bus: BusTiming,
     /// Largest deviation of the chip's clock, relative; drawn uniformly.
     pub clock_error: f64,
-    /// A reset by command hangs the chip until its power is cut, as happens to some units.
-    pub reset_hangs: bool,
     /// How long a write takes to act: until then its register reads as before. PAGE_ID acts at
     /// once, since it says which register the bus means.
     pub late_registers: Ticks,
@@ -41,10 +36,8 @@ impl Default for Config {
             seed: 0,
             address: 0x28,
             errors: ImuErrors::default(),
-            boot_ms: 400..=650,
             bus: BusTiming::default(),
             clock_error: 0.01,
-            reset_hangs: false,
             late_registers: Ticks::ZERO,
             lost_within: Ticks::ZERO,
             refresh: None,

@@ -237,8 +237,7 @@ impl Bno055 {
     fn boot(&mut self, now: Ticks) {
         self.reset_registers();
         self.transfer = Transfer::default();
-        let range = self.config.boot_ms.clone();
-        let answers = now + Ticks::from_ms(self.bus_noise.random_range(range));
+        let answers = now + Ticks::from_ms(self.bus_noise.random_range(400..=650));
         let ready = answers + Ticks::from_ms(self.bus_noise.random_range(10..=30));
         self.power = Power::Booting { answers, ready };
     }

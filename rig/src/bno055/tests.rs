@@ -326,16 +326,6 @@ fn resets() {
     assert!(!bus.write(page0::CHIP_ID, &[]));
     bus.wait_ms(700);
     assert_eq!(bus.byte(page0::OPR_MODE), 0);
-
-    let mut bus = Bus::new(Config { reset_hangs: true, ..Config::default() });
-    bus.wait_ms(700);
-    bus.write(page0::SYS_TRIGGER, &[trigger::RST_SYS]);
-    bus.wait_ms(5000);
-    assert!(!bus.write(page0::CHIP_ID, &[]));
-    bus.chip.inject(bus.now, Fault::Unplugged);
-    bus.chip.clear(bus.now, Fault::Unplugged);
-    bus.wait_ms(700);
-    assert_eq!(bus.byte(page0::CHIP_ID), 0xA0);
 }
 
 #[test]

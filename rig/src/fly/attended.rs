@@ -70,7 +70,7 @@ impl Attended {
 
     /// Power-cycles a chip that has been in its bootloader for [`BOOTLOADER`].
     fn leave_bootloader(&mut self, report: &mut dyn FnMut(f64, &str)) {
-        if !self.rig.in_bootloader() {
+        if !self.rig.waits_for_program() {
             self.bootloader = None;
             return;
         }
@@ -82,5 +82,50 @@ impl Attended {
             );
             self.rig.power_cycle();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::RigConfig;
+    use crate::bootloader::Bootloader;
+    use crate::fly::pilot::Manner;
+    use crate::rig::tests::counter;
+
+    /// What is reported within some seconds of what was done by hand.
+    fn reported(config: &RigConfig, actions: &[&str], seconds: u32) -> (Attended, Vec<String>) {
+        let rig = Rig::new(&counter(), config).unwrap();
+        let pilot = Pilot::new([0.0; 2], 0.0, Manner::Steady);
+        let (mut attended, mut lines) = (Attended::new(rig, pilot), Vec::new());
+        let mut report = |_: f64, line: &str| lines.push(line.to_owned());
+        for action in actions {
+            attended.act(action, &mut report);
+            attended.run_for(Ticks::from_ms(100), &[], &mut report).unwrap();
+        }
+        for _ in 0..1000 * seconds {
+            attended.run_for(Ticks::from_ms(1), &[], &mut report).unwrap();
+        }
+        lines.retain(|line| line.contains("power-cycled"));
+        (attended, lines)
+    }
+
+    #[test]
+    fn a_chip_that_stays_in_its_bootloader_is_power_cycled_once() {
+        let mut config = RigConfig::default();
+        config.hardware.bootloader = Bootloader::Arduino;
+        let (attended, lines) = reported(&config, &["reset", "reset"], 4);
+        assert_eq!(lines.len(), 1, "{lines:?}");
+        assert!(!attended.rig.in_bootloader());
+    }
+
+    #[test]
+    fn a_chip_without_supply_waits_for_it() {
+        let actions = ["supply 1.65", "power-cycle"];
+        let (mut attended, lines) = reported(&RigConfig::default(), &actions, 4);
+        assert!(lines.is_empty() && attended.rig.in_bootloader(), "{lines:?}");
+        attended.act("supply 3.3", &mut |_, _| ());
+        attended.run_for(Ticks::from_ms(5), &[], &mut |_, _| ()).unwrap();
+        assert!(!attended.rig.in_bootloader());
     }
 }

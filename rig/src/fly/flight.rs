@@ -60,23 +60,17 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// A default rig with `servo` and everything random from `seed`. Nothing is stored in its
-    /// flash: the image refuses to arm until the servo's polarity is set.
-    pub fn new(servo: ServoKind, seed: u64) -> Self {
+    /// A default rig with `servo` and everything random from `seed`, and the servo's polarity
+    /// stored in the flash, so that it can be armed.
+    pub fn with_polarity(servo: ServoKind, seed: u64) -> Self {
         let bench = BenchConfig { servo: servo.model(), ..BenchConfig::default() };
+        let stored = Some(RigConfig::polarity_set());
         Self {
-            rig: RigConfig { seed, bench, ..RigConfig::default() },
+            rig: RigConfig { seed, bench, stored, ..RigConfig::default() },
             servo,
             gains: None,
             parameters: Vec::new(),
         }
-    }
-
-    /// As [`Setup::new`], with the servo's polarity stored in the flash, so that it can be armed.
-    pub fn with_polarity(servo: ServoKind, seed: u64) -> Self {
-        let mut setup = Self::new(servo, seed);
-        setup.rig.stored = Some(RigConfig::polarity_set());
-        setup
     }
 }
 

@@ -279,12 +279,8 @@ impl gdbstub::arch::Registers for Registers {
 
     fn gdb_deserialize(&mut self, bytes: &[u8]) -> Result<(), ()> {
         let (words, []) = bytes.as_chunks::<4>() else { return Err(()) };
-        self.0 = words
-            .iter()
-            .map(|word| u32::from_le_bytes(*word))
-            .collect::<Vec<_>>()
-            .try_into()
-            .map_err(|_| ())?;
+        let words: [[u8; 4]; 17] = words.try_into().map_err(drop)?;
+        self.0 = words.map(u32::from_le_bytes);
         Ok(())
     }
 }

@@ -175,7 +175,7 @@ mod tests {
     fn the_sum_of_a_text_is_the_published_one_and_parts_go_on() {
         let mut memory = Memory::new(0);
         // The check value of the catalogue is that of nine digits; of eight, by hand of `cksum`.
-        memory.flash_mut()[0x100..0x108].copy_from_slice(b"12345678");
+        memory.load(0x100, b"12345678").expect("it fits");
         let (whole, end) = sum(&memory, 0x100, 8, u32::MAX);
         assert_eq!(!whole, 0x9AE0_DAAF);
         assert_eq!(end, Ticks(100 + 2 * 4));

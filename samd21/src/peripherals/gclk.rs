@@ -121,7 +121,6 @@ impl Gclk {
                 2 if index != 1 => self.rates[1],
                 3 => Some(sysctrl.osculp32k()),
                 4 => sysctrl.osc32k(now),
-                5 => sysctrl.xosc32k(now),
                 6 => sysctrl.osc8m(),
                 7 => sysctrl.dfll(now),
                 _ => None,

@@ -344,7 +344,7 @@ mod tests {
     #[test]
     fn a_row_is_erased_and_a_page_programmed_with_their_stalls() {
         let mut rig = Rig::new();
-        rig.memory.flash_mut()[0x3F00..0x4000].fill(0);
+        rig.memory.load(0x3F00, &[0; 0x100]).expect("it fits");
         rig.write(0x04, MANW | 2);
         assert_eq!(rig.nvmctrl.wait_states(), 1);
         rig.write(0x1C, 0x3F00 / 2);
@@ -372,7 +372,7 @@ mod tests {
     #[test]
     fn a_reset_leaves_what_was_under_way_half_done_and_what_had_ended_as_it_is() {
         let mut rig = Rig::new();
-        rig.memory.flash_mut()[0x3F00..0x4000].fill(0);
+        rig.memory.load(0x3F00, &[0; 0x100]).expect("it fits");
         rig.write(0x1C, 0x3F00 / 2);
         rig.write(0x00, 0xA502);
         let erased = |rig: &Rig, after| {
@@ -399,7 +399,7 @@ mod tests {
     fn bootprot_refuses_its_area_and_nothing_beyond() {
         let mut rig = Rig::new();
         rig.nvmctrl = nvmctrl(UserRow::PROTECTED);
-        rig.memory.flash_mut()[0x1F00..0x2100].fill(0);
+        rig.memory.load(0x1F00, &[0; 0x200]).expect("it fits");
         rig.write(0x1C, 0x1F00 / 2);
         assert_eq!(rig.write(0x00, 0xA502), Ticks::ZERO);
         assert_eq!(rig.memory.read_u32(0x1F00), Some(0));

@@ -3,8 +3,8 @@
 //! | offset | register | behaviour |
 //! |---|---|---|
 //! | 00, 04, 08 | INTENCLR, INTENSET, INTFLAG | enables stored; flags of ready oscillators are set |
-//! | 0C | PCLKSR | XOSC32KRDY, OSC32KRDY after STARTUP; OSC8MRDY; DFLLRDY; locks; BOD33RDY |
-//! | 14 | XOSC32K | 32,768 Hz, ready STARTUP cycles after it is enabled with XTALEN; never without a crystal |
+//! | 0C | PCLKSR | OSC32KRDY after STARTUP; OSC8MRDY; DFLLRDY; locks; BOD33RDY |
+//! | 14 | XOSC32K | kept; never ready: there is no crystal |
 //! | 18 | OSC32K | 32,768 Hz, ready STARTUP cycles after it is enabled |
 //! | 1C | OSCULP32K | nominally 32,768 Hz, always on |
 //! | 20 | OSC8M | 8 MHz / 2^PRESC, on from reset |
@@ -42,8 +42,6 @@ const DFLL_USB_RECOVERY: u32 = 1 << 5;
 const ONDEMAND: u32 = 1 << 7;
 const READREQ: u32 = 1 << 7;
 
-const XTALEN: u32 = 1 << 2;
-const XOSC32KRDY: u32 = 1 << 1;
 const OSC32KRDY: u32 = 1 << 2;
 const OSC8MRDY: u32 = 1 << 3;
 const DFLLRDY: u32 = 1 << 4;
@@ -68,15 +66,11 @@ const REFERENCE_LOST: Ticks = Ticks::from_ms(3);
 const DRIFT_STEP: Ticks = Ticks::from_ms(100);
 /// OSC32K.STARTUP to cycles of the oscillator.
 const OSC32K_STARTUP: [u64; 8] = [3, 4, 6, 10, 18, 34, 66, 130];
-/// The same of XOSC32K.STARTUP.
-const XOSC32K_STARTUP: [u64; 8] = [4, 35, 2_051, 4_099, 16_387, 32_771, 65_539, 131_075];
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sysctrl {
     pub(crate) interrupts: Interrupts<{ u32::MAX }>,
     xosc32k: u32,
-    /// XOSC32K has a crystal.
-    crystal: bool,
     osc32k: u32,
     osculp32k: u32,
     osc8m: u32,
@@ -88,7 +82,6 @@ pub(crate) struct Sysctrl {
     pub(crate) bod33: Bod33,
     vreg: u32,
     vref: u32,
-    xosc32k_ready: Ticks,
     osc32k_ready: Ticks,
     dfll_ready: Ticks,
     dfll_locked: Ticks,
@@ -112,8 +105,6 @@ impl Sysctrl {
             bod33: Bod33::new(options.user_row.bod33()),
             interrupts: Interrupts::of(Block::Sysctrl),
             xosc32k: 0x80,
-            crystal: options.crystal,
-            xosc32k_ready: Ticks::NEVER,
             osc32k: 0x003F_0080,
             osculp32k: 0x1F,
             osc8m: 0x8707_0382,
@@ -138,7 +129,6 @@ impl Sysctrl {
         match cause {
             ResetCause::External | ResetCause::Watchdog | ResetCause::System => Self {
                 xosc32k: self.xosc32k,
-                xosc32k_ready: self.xosc32k_ready,
                 osc32k: self.osc32k,
                 osculp32k: self.osculp32k,
                 osc32k_ready: self.osc32k_ready,
@@ -151,11 +141,6 @@ impl Sysctrl {
     /// The 32,768 Hz oscillator, once it runs.
     pub(crate) fn osc32k(&self, now: Ticks) -> Option<Rate> {
         (now >= self.osc32k_ready).then(|| Rate::from_hz(32_768))
-    }
-
-    /// The crystal oscillator, once it runs.
-    pub(crate) fn xosc32k(&self, now: Ticks) -> Option<Rate> {
-        (now >= self.xosc32k_ready).then(|| Rate::from_hz(32_768))
     }
 
     /// The ultra-low-power 32,768 Hz oscillator.
@@ -191,7 +176,7 @@ impl Sysctrl {
 
     /// When a clock comes up, or changes, by itself.
     pub(crate) fn next(&self, after: Ticks) -> Ticks {
-        let oscillators = [self.xosc32k_ready, self.osc32k_ready, self.dfll_ready];
+        let oscillators = [self.osc32k_ready, self.dfll_ready];
         let times = oscillators.into_iter().chain([self.dfll_locked, self.next_drift]);
         times.filter(|&at| at > after).min().unwrap_or(Ticks::NEVER)
     }
@@ -233,7 +218,6 @@ impl Sysctrl {
             (B33SRDY, true),
             (BOD33RDY, self.bod33.is_enabled()),
             (BOD33DET, self.bod33.is_low()),
-            (XOSC32KRDY, now >= self.xosc32k_ready),
             (OSC32KRDY, now >= self.osc32k_ready),
             (OSC8MRDY, self.osc8m & ENABLE != 0),
             // Ready for the next register write: also while the DFLL is off.
@@ -286,7 +270,7 @@ impl Sysctrl {
         match offset {
             0x00 | 0x04 | 0x08 => self.interrupts.write_words(offset, lanes),
             0x0C => {}
-            0x14 => self.write_xosc32k(bus.now, lanes.merge(self.xosc32k) & 0xFFFF),
+            0x14 => self.xosc32k = lanes.merge(self.xosc32k) & 0xFFFF,
             0x18 => self.write_osc32k(bus.now, lanes.merge(self.osc32k)),
             0x1C => self.osculp32k = lanes.merge(self.osculp32k) & 0xFF,
             0x20 => self.osc8m = lanes.merge(self.osc8m),
@@ -313,17 +297,14 @@ impl Sysctrl {
         DONE
     }
 
-    fn write_xosc32k(&mut self, now: Ticks, value: u32) {
-        let runs = |value: u32| self.crystal && value & ENABLE != 0 && value & XTALEN != 0;
-        let change = (runs(self.xosc32k), runs(value));
-        self.xosc32k = value;
-        renew(&mut self.xosc32k_ready, now, change, XOSC32K_STARTUP[(value >> 8 & 7) as usize]);
-    }
-
     fn write_osc32k(&mut self, now: Ticks, value: u32) {
-        let change = (self.osc32k & ENABLE != 0, value & ENABLE != 0);
+        if value & ENABLE == 0 {
+            self.osc32k_ready = Ticks::NEVER;
+        } else if self.osc32k & ENABLE == 0 {
+            let cycles = OSC32K_STARTUP[(value >> 8 & 7) as usize];
+            self.osc32k_ready = now + Rate::from_hz(32_768).duration(cycles);
+        }
         self.osc32k = value;
-        renew(&mut self.osc32k_ready, now, change, OSC32K_STARTUP[(value >> 8 & 7) as usize]);
     }
 
     fn write_dfllctrl(&mut self, bus: &mut Bus<'_>, value: u32, reference: bool) {
@@ -361,15 +342,6 @@ impl Sysctrl {
             ));
         }
         Ok(())
-    }
-}
-
-/// When an oscillator of 32,768 Hz is ready that ran before, or not, and runs now, or not.
-fn renew(ready: &mut Ticks, now: Ticks, change: (bool, bool), cycles: u64) {
-    match change {
-        (false, true) => *ready = now + Rate::from_hz(32_768).duration(cycles),
-        (_, false) => *ready = Ticks::NEVER,
-        _ => {}
     }
 }
 

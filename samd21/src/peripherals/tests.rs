@@ -131,25 +131,6 @@ fn a_user_reset_spares_the_32_khz_oscillators() {
     }
 }
 
-/// XOSC32K with STARTUP 0 and XTALEN: four cycles, where there is a crystal.
-#[test]
-fn a_crystal_clocks_a_generator_once_it_runs() {
-    for crystal in [true, false] {
-        let mut bench = Bench::with(&Options { crystal, ..Options::default() }, Unconnected);
-        bench.w16(SYSCTRL + 0x14, 1 << 1 | 1 << 2);
-        bench.w32(GCLK + 8, 1);
-        bench.w32(GCLK + 4, 1 | 5 << 8 | 1 << 16);
-        // TC3 from generator 1.
-        bench.w16(GCLK + 2, 0x1B | 1 << 8 | 1 << 14);
-        let is_ready = |bench: &mut Bench<Unconnected>| bench.r32(SYSCTRL + 0x0C) & 1 << 1 != 0;
-        bench.pass(Ticks::from_us(121));
-        assert!(!is_ready(&mut bench));
-        bench.pass(Ticks::from_us(2));
-        assert_eq!(is_ready(&mut bench), crystal);
-        assert_eq!(bench.peripherals.gclk.clock(0x1B).is_some(), crystal);
-    }
-}
-
 /// What the start-up code of the Arduino core does with it, and a conversion.
 #[test]
 fn the_adc_keeps_its_set_up_and_gives_half_of_its_range() {

@@ -25,7 +25,7 @@ impl Host {
     /// Begins with the first request; endpoint 0 is used from `ready` on.
     pub(super) fn begin_enumeration(&mut self, ready: Ticks) {
         if self.remote.is_some() {
-            return self.address_for_remote(ready);
+            return self.address_device(ready);
         }
         self.session = Session::default();
         self.pipe(Pipe::Control).ready = ready;
@@ -39,9 +39,10 @@ impl Host {
         self.session.requests.push_back(first);
     }
 
-    /// Goes on after the second bus reset, with what the first descriptor has told.
-    pub(super) fn resume_enumeration(&mut self, ready: Ticks) {
-        self.session = Session::default();
+    /// Goes on after a bus reset: the device gets its address.
+    pub(super) fn address_device(&mut self, ready: Ticks) {
+        let port = self.session.port;
+        self.session = Session { port, ..Session::default() };
         self.pipe(Pipe::Control).ready = ready;
         self.session.requests.push_back(Request::SetAddress);
     }
@@ -51,7 +52,7 @@ impl Host {
         if self.session.transfer.is_some() {
             return;
         }
-        let has_remote = self.remote.as_ref().is_some_and(Remote::has_request);
+        let has_remote = self.remote.as_ref().is_some_and(|with| with.waits(Pipe::Control));
         let remote_request = has_remote.then_some(Request::Remote);
         if let Some(request) = self.session.requests.pop_front().or(remote_request) {
             let (setup, data) = self.compose_request(request);

@@ -362,7 +362,7 @@ impl Host {
             Phase::SecondReset => {
                 usb.bus_reset(now);
                 self.begin_frames(now);
-                self.resume_enumeration(now + RECOVERY);
+                self.address_device(now + RECOVERY);
             }
             Phase::Suspended => self.due = Ticks::NEVER,
             Phase::Waking => {

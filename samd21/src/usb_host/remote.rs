@@ -2,7 +2,6 @@
 //! the bus, gives the address, sends start-of-frame packets, and carries out what the driver
 //! submits. The device must have been enumerated before, since its endpoints are known from that.
 
-use super::request::Request;
 use super::transaction::{Pipe, PipeState};
 use super::{Acknowledgement, Host, Phase};
 use crate::board::Ticks;
@@ -77,46 +76,30 @@ impl Submitted {
 /// What the driver has submitted, by pipe, and the answers that it has not taken.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Remote {
-    /// Those of endpoint 0; the first one is on the bus.
-    control: VecDeque<Submitted>,
-    outputs: VecDeque<Submitted>,
-    inputs: VecDeque<Submitted>,
-    notifications: VecDeque<Submitted>,
+    /// By pipe. Of those of endpoint 0, the first one is on the bus.
+    queues: [VecDeque<Submitted>; 4],
     answers: Vec<Answer>,
 }
 
 impl Remote {
     pub(super) fn queue(&mut self, pipe: Pipe) -> &mut VecDeque<Submitted> {
-        match pipe {
-            Pipe::Control => &mut self.control,
-            Pipe::BulkOut => &mut self.outputs,
-            Pipe::BulkIn => &mut self.inputs,
-            Pipe::Interrupt => &mut self.notifications,
-        }
+        &mut self.queues[pipe as usize]
     }
 
-    /// Whether the driver waits for data on an IN pipe.
+    /// Whether the driver has submitted a transfer of a pipe that has not ended.
     pub(super) fn waits(&self, pipe: Pipe) -> bool {
-        match pipe {
-            Pipe::BulkIn => !self.inputs.is_empty(),
-            Pipe::Interrupt => !self.notifications.is_empty(),
-            Pipe::Control | Pipe::BulkOut => false,
-        }
+        !self.queues[pipe as usize].is_empty()
     }
 
     /// The request that is next, and what goes with it.
     pub(super) fn request(&self) -> ([u8; 8], Vec<u8>) {
-        let urb = self.control.front().map(|submitted| submitted.urb.clone());
-        urb.map(|urb| (urb.setup, urb.data)).unwrap_or_default()
-    }
-
-    pub(super) fn has_request(&self) -> bool {
-        !self.control.is_empty()
+        let first = self.queues[Pipe::Control as usize].front();
+        first.map(|first| (first.urb.setup, first.urb.data.clone())).unwrap_or_default()
     }
 
     /// What is left of the transfer that goes out: no packet has bytes of two.
     pub(super) fn left(&self) -> Option<usize> {
-        self.outputs.front().map(Submitted::left)
+        self.queues[Pipe::BulkOut as usize].front().map(Submitted::left)
     }
 
     /// The first transfer of a pipe has ended.
@@ -145,7 +128,7 @@ impl Remote {
 
     /// The device has taken a packet.
     pub(super) fn sent(&mut self, bytes: usize) {
-        let Some(output) = self.outputs.front_mut() else { return };
+        let Some(output) = self.queue(Pipe::BulkOut).front_mut() else { return };
         output.sent += bytes;
         if output.left() == 0 {
             self.end(Pipe::BulkOut, Ok(Vec::new()));
@@ -237,6 +220,8 @@ impl Host {
                 Pipe::BulkOut => drop(self.to_send.drain(ahead..ahead + left)),
                 _ => {}
             }
+            // Its packet may be on the bus.
+            self.session.transaction = None;
             self.quiet_until = Ticks::ZERO;
             return true;
         }
@@ -256,14 +241,6 @@ impl Host {
     /// The configuration descriptor and all that belongs to it.
     pub fn configuration(&self) -> &[u8] {
         &self.enumeration.configuration
-    }
-
-    /// The bus has been reset for the driver elsewhere.
-    pub(super) fn address_for_remote(&mut self, ready: Ticks) {
-        let port = self.session.port;
-        self.session = super::Session { port, ..super::Session::default() };
-        self.pipe(Pipe::Control).ready = ready;
-        self.session.requests.push_back(Request::SetAddress);
     }
 
     /// The driver's request has succeeded. Configurations, interfaces and halts that end begin

@@ -97,7 +97,7 @@ impl Host {
         let session = &self.session;
         let is_bulk_in_alone = session.transfer.is_none()
             && session.requests.is_empty()
-            && !self.remote.as_ref().is_some_and(Remote::has_request)
+            && !self.remote.as_ref().is_some_and(|with| with.waits(Pipe::Control))
             && self.to_send.is_empty();
         let pipes = [Pipe::Interrupt, Pipe::BulkIn];
         is_bulk_in_alone

@@ -63,7 +63,7 @@ fn analyse(options: &Linear) -> Result<Analysis> {
 
 fn setup(options: &Linear) -> Result<Setup> {
     let mut setup = options.vehicle.read_over(Setup::default())?.drone()?;
-    setup.drone = options.preset.unwrap_or(setup.drone);
+    setup.drone = options.preset.as_deref().copied().unwrap_or(setup.drone);
     match options.servo {
         None => {}
         Some(ServoKind::S3003) => {

@@ -247,11 +247,12 @@ fn drift(hardware: &mut Hardware, text: &str) -> Result<(), String> {
 }
 
 fn rare(hardware: &mut Hardware, text: &str) -> Result<(), String> {
-    let (us, probability) = text.split_once('@').unwrap_or((text, ""));
-    hardware.sensor.bus.stretch_rare = Some(RareStretch {
-        us: number(us, LONGEST_HOLD_US)?,
-        probability: number(probability, 0.0..=1.0)?,
-    });
+    let read = || {
+        let (us, probability) = text.split_once('@').unwrap_or((text, ""));
+        let (us, probability) = (number(us, LONGEST_HOLD_US)?, number(probability, 0.0..=1.0)?);
+        Ok::<_, String>(RareStretch { us, probability })
+    };
+    hardware.sensor.bus.stretch_rare = (text != "none").then(read).transpose()?;
     Ok(())
 }
 

@@ -192,38 +192,6 @@ impl FromStr for Kind {
     }
 }
 
-/// The fault of a sensor.
-#[derive(Clone, Copy, Debug)]
-enum Failing {
-    Bno055(Fault),
-    Onboard(lsm6ds3::Fault),
-}
-
-impl Failing {
-    fn begin(self, rig: &mut Rig) {
-        match self {
-            Self::Bno055(fault) => rig.inject(fault),
-            Self::Onboard(fault) => rig.environment.onboard.inject(rig.now(), fault),
-        }
-    }
-
-    fn end(self, rig: &mut Rig) {
-        match self {
-            Self::Bno055(fault) => rig.clear(fault),
-            Self::Onboard(fault) => rig.environment.onboard.clear(rig.now(), fault),
-        }
-    }
-}
-
-impl fmt::Display for Failing {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Bno055(fault) => write!(f, "{fault:?}"),
-            Self::Onboard(fault) => write!(f, "{fault:?}"),
-        }
-    }
-}
-
 /// A run of the campaign; kind and number decide its fault, instant and length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Case {
@@ -300,9 +268,16 @@ impl Campaign {
                 {
                     *probability = 1.0;
                 }
-                self.run_sensor(case, fork, &begun, Failing::Bno055(fault))
+                self.run_sensor(case, fork, &begun, format!("{fault:?}"), |rig, is_on| {
+                    if is_on { rig.inject(fault) } else { rig.clear(fault) }
+                })
             }
-            Kind::Onboard(fault) => self.run_sensor(case, fork, &begun, Failing::Onboard(fault)),
+            Kind::Onboard(fault) => {
+                self.run_sensor(case, fork, &begun, format!("{fault:?}"), |rig, is_on| {
+                    let (now, chip) = (rig.now(), &mut rig.environment.onboard);
+                    if is_on { chip.inject(now, fault) } else { chip.clear(now, fault) }
+                })
+            }
             Kind::System(kind) => {
                 let mut what = String::new();
                 match self.run_system(case, kind, &mut fork, &begun, &mut dice, &mut what) {
@@ -322,12 +297,13 @@ impl Campaign {
         case: Case,
         mut fork: Ready,
         begun: &Begun,
-        fault: Failing,
+        fault: String,
+        set: impl Fn(&mut Rig, bool),
     ) -> Result<Outcome, FlightError> {
         let Ready { rig, station, .. } = &mut fork;
-        fault.begin(rig);
+        set(rig, true);
         station.run(rig, begun.lasted)?;
-        fault.end(rig);
+        set(rig, false);
         station.run(rig, WATCHED)?;
         let mut verdict = judge_sensor(&self.record(begun, &fork, 0.0));
         if matches!(verdict.ending, Ending::Unsafe(Unsafe::OffCourse(_))) {
@@ -336,7 +312,7 @@ impl Campaign {
             station.run(rig, WATCHED)?;
             verdict = judge_sensor(&self.record(begun, &fork, 0.0));
         }
-        Ok(self.outcome(case, begun, fault.to_string(), verdict, &fork))
+        Ok(self.outcome(case, begun, fault, verdict, &fork))
     }
 
     fn run_system(

@@ -135,3 +135,20 @@ fn taken_back_it_is_enumerated_anew_and_a_device_that_leaves_ends_it() {
     assert!(!device.host().is_handed_over(), "DETACH");
     assert!(!Device::new(Ticks::ZERO).host().hand_over(), "not enumerated");
 }
+
+#[test]
+fn a_transfer_whose_packet_is_on_the_bus_is_taken_back_at_any_instant() {
+    for us in (0..1500).step_by(7) {
+        let mut device = handed_over();
+        device.echo = false;
+        device.host().submit(output(50, vec![1; 64]));
+        device.bench.pass(Ticks::from_us(us));
+        device.host().unlink(50);
+        device.host().submit(output(51, vec![2; 64]));
+        device.run(Ticks::from_ms(20));
+        let answers = device.host().answers();
+        let sent = answers.iter().find(|answer| answer.id == 51).map(|answer| answer.sent);
+        assert_eq!(sent, Some(64), "taken back after {us} us");
+        assert!(device.got.ends_with(&[2; 64]), "after {us} us");
+    }
+}
