@@ -47,10 +47,10 @@ pub struct Config<G> {
     pub acc_lag_s: f32,
     /// Age of the magnetometer's samples less the rates' age, s: -0.1 to 0.1.
     pub mag_lag_s: f32,
-    /// Weight of `mag_lag_s` against the lag that the field shows while the body turns, rad^2/s:
-    /// square of the rate across the field, times time. `f32::INFINITY` learns nothing. Fixed point
-    /// learns in [`FieldLag`](crate::fixed::FieldLag).
-    pub mag_lag_prior_rad2_s: f32,
+    /// Standard deviation of `mag_lag_s`, s: 0 to 0.1. The filter learns the lag that the field shows
+    /// while the body turns; the larger the deviation, the faster. With 0 it learns nothing. Fixed
+    /// point learns in [`FieldLag`](crate::fixed::FieldLag).
+    pub mag_lag_sd_s: f32,
     /// Magnetic declination, east positive (rad). With it, north is geographic.
     pub declination_rad: f32,
 }
@@ -76,19 +76,13 @@ impl<G> Config<G> {
             gyr_lag_s: 0.002,
             acc_lag_s: 0.0025,
             mag_lag_s: 0.008,
-            mag_lag_prior_rad2_s: 10.0,
+            mag_lag_sd_s: 0.005,
             declination_rad: 0.0,
         }
     }
 
     /// The same settings for sensors without lag, as in a simulation; the filter learns no lag.
     pub fn without_lags(self) -> Self {
-        Self {
-            gyr_lag_s: 0.0,
-            acc_lag_s: 0.0,
-            mag_lag_s: 0.0,
-            mag_lag_prior_rad2_s: f32::INFINITY,
-            ..self
-        }
+        Self { gyr_lag_s: 0.0, acc_lag_s: 0.0, mag_lag_s: 0.0, mag_lag_sd_s: 0.0, ..self }
     }
 }

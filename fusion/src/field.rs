@@ -187,7 +187,7 @@ impl<T: Real> Field<T> {
                 let (sin, cos) = (half.w * half.z, T::HALF - half.z * half.z);
                 Declination { rad, sin: sin + sin, cos: cos + cos }
             }),
-            lag: FieldLag::new(shared.mag_lag_s, shared.mag_lag_prior_rad2_s)?,
+            lag: FieldLag::new(shared.mag_lag_s, shared.mag_lag_sd_s)?,
             weight: T::ONE,
             ..Self::default()
         })

@@ -10,17 +10,21 @@
 //!
 //! The field shows its own lag: as the body turns, it moves in the estimated earth frame by
 //! `-lag R (m x w)` about a constant mean. Let `s` and `x` be the deviations of `R m` and of
-//! `R (m x w)` from their means over half a second, in parts of the field. The regression of `s` on
-//! `x` is
+//! `R (m x w)` from their means over half a second, in parts of the field. The rest `s + lag x` is
+//! noise with the mean square `v`, of which samples within half a second say the same. With the
+//! standard deviation `sd` of the configured lag, the most probable lag is
 //!
 //! ```text
-//! lag = (prior mag_lag_s - sum s.x dt) / (prior + sum x.x dt)
+//! weight = v 0.5 s / sd^2
+//! lag = (weight mag_lag_s - sum s.x dt) / (weight + sum x.x dt)
 //! ```
+//!
+//! So a disturbed field teaches slowly.
 //!
 //! The accelerometer's lag cannot be found so: off the centre of a motion, accelerations go with
 //! the turning and look the same.
 
-use crate::error::{ConfigError, in_range, require};
+use crate::error::{ConfigError, in_range};
 use crate::quaternion::HalfRows;
 use crate::real::Real;
 use crate::vector::{add_scaled, cross, difference, dot, scaled, within};
@@ -28,8 +32,15 @@ use crate::vector::{add_scaled, cross, difference, dot, scaled, within};
 /// Largest lag that second order describes, s.
 const LONGEST_S: f32 = 0.1;
 
-/// Time constant of the means, s.
+/// Least standard deviation with which a lag is learned, s.
+const LEAST_SD_S: f32 = 1e-6;
+
+/// Time constant of the means, and time over which noise is correlated, s.
 const MEAN_S: f32 = 0.5;
+
+/// The noise before it is measured, in parts of the field, and the time for which it counts, s.
+const NOISE: f32 = 0.03;
+const NOISE_S: f32 = 5.0;
 
 /// Time between two samples that teach the lag, s: more samples would tell little.
 const LEARN_S: f32 = 0.2;
@@ -73,22 +84,29 @@ struct Regression<T> {
     means: Option<([T; 3], [T; 3])>,
     /// Time since the last sample that taught the lag, s.
     waited_s: T,
-    /// `prior mag_lag_s - sum s.x dt`, rad^2.
+    /// The configured lag, s.
+    configured_s: T,
+    /// `0.5 s / sd^2`, 1/s.
+    per_noise: T,
+    /// `sum s.x dt`, s.
     product: T,
-    /// `prior + sum x.x dt`, rad^2/s.
+    /// `sum x.x dt`, 1/s.
     square: T,
+    /// `sum |s + lag x|^2 dt`, and the sum of the times, s.
+    noise: [T; 2],
 }
 
 impl<T: Real> FieldLag<T> {
-    /// `prior`: the weight of the configured lag, rad^2/s.
-    pub(crate) fn new(lag_s: f32, prior: f32) -> Result<Self, ConfigError> {
-        let configured = checked::<T>(lag_s, "mag_lag_s")?;
-        require(prior > 0.0, "mag_lag_prior_rad2_s")?;
+    /// `sd_s`: the standard deviation of the configured lag, s.
+    pub(crate) fn new(lag_s: f32, sd_s: f32) -> Result<Self, ConfigError> {
+        let configured_s = checked(lag_s, "mag_lag_s")?;
+        in_range(sd_s, 0.0, LONGEST_S, "mag_lag_sd_s")?;
         Ok(Self {
-            lag_s: configured,
-            learned: prior.is_finite().then(|| Regression {
-                product: T::from_f32(prior * lag_s),
-                square: T::from_f32(prior),
+            lag_s: configured_s,
+            learned: (sd_s >= LEAST_SD_S).then(|| Regression {
+                configured_s,
+                per_noise: T::from_f32(MEAN_S / (sd_s * sd_s)),
+                noise: [NOISE * NOISE * NOISE_S, NOISE_S].map(T::from_f32),
                 ..Regression::default()
             }),
         })
@@ -104,7 +122,8 @@ impl<T: Real> FieldLag<T> {
     pub(crate) fn set_lag_s(&mut self, lag_s: T) {
         self.lag_s = lag_s;
         if let Some(regression) = &mut self.learned {
-            regression.product = regression.square * lag_s;
+            regression.configured_s = lag_s;
+            (regression.product, regression.square) = (T::ZERO, T::ZERO);
         }
     }
 
@@ -145,9 +164,15 @@ impl<T: Real> FieldLag<T> {
         let x = difference(&turned, turned_mean);
         add_scaled(seen_mean, &s, share);
         add_scaled(turned_mean, &x, share);
-        regression.product = regression.product - dot(&s, &x) * dt;
+        let mut rest = s;
+        add_scaled(&mut rest, &x, self.lag_s);
+        regression.noise[0] += dot(&rest, &rest) * dt;
+        regression.noise[1] += dt;
+        regression.product += dot(&s, &x) * dt;
         regression.square += dot(&x, &x) * dt;
-        let lag_s = regression.product * regression.square.recip();
+        let weight = regression.noise[0] * regression.noise[1].recip() * regression.per_noise;
+        let lag_s = (weight * regression.configured_s - regression.product)
+            * (weight + regression.square).recip();
         if lag_s.within(T::from_f32(LONGEST_S)) {
             self.lag_s = lag_s;
         }
@@ -197,24 +222,24 @@ mod tests {
     #[test]
     fn the_field_tells_how_late_it_is() {
         for late_s in [0.0, 0.012, 0.04] {
-            let lag_s = learned(late_s, FieldLag::new(0.004, 1.0).expect("valid"));
+            let lag_s = learned(late_s, FieldLag::new(0.004, 0.02).expect("valid"));
             assert!((lag_s - late_s).abs() < 3e-4 + 0.04 * late_s, "{lag_s} for {late_s}");
         }
     }
 
     #[test]
-    fn an_infinite_prior_keeps_what_was_configured() {
-        let lag = FieldLag::new(0.004, f32::INFINITY).expect("valid");
+    fn a_lag_without_deviation_stays_as_configured() {
+        let lag = FieldLag::new(0.004, 0.0).expect("valid");
         assert_eq!(learned(0.012, lag), f64::from(0.004f32));
     }
 
     #[test]
     fn impossible_lags_are_refused_by_name() {
-        let said = |lag_s, prior| FieldLag::<f32>::new(lag_s, prior).expect_err("impossible");
-        assert_eq!(said(0.2, 1.0), ConfigError::OutOfRange("mag_lag_s"));
-        assert_eq!(said(f32::NAN, 1.0), ConfigError::OutOfRange("mag_lag_s"));
-        let prior = ConfigError::OutOfRange("mag_lag_prior_rad2_s");
-        assert_eq!(said(0.0, f32::NAN), prior);
-        assert_eq!(said(0.0, 0.0), prior);
+        let said = |lag_s, sd_s| FieldLag::<f32>::new(lag_s, sd_s).expect_err("impossible");
+        assert_eq!(said(0.2, 0.005), ConfigError::OutOfRange("mag_lag_s"));
+        assert_eq!(said(f32::NAN, 0.005), ConfigError::OutOfRange("mag_lag_s"));
+        for sd_s in [f32::NAN, -0.001, 0.2] {
+            assert_eq!(said(0.0, sd_s), ConfigError::OutOfRange("mag_lag_sd_s"));
+        }
     }
 }

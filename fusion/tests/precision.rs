@@ -87,7 +87,7 @@ where
     G: fixed::Filter<Gains = F::Gains>,
     F::Gains: Default,
 {
-    let known = Config { mag_lag_prior_rad2_s: f32::INFINITY, ..Config::default() };
+    let known = Config { mag_lag_sd_s: 0.0, ..Config::default() };
     // A vector that is brought to the present is rounded to counts once more.
     for (name, config, limit) in
         [("no lags", Config::default().without_lags(), 0.02), ("lags", known, 0.025)]

@@ -55,7 +55,7 @@ gains! { VqfGains: acc_tau_s acc_smoothing_s mag_tau_s; published offline }
 fn shared<G>() -> [Key<Config<G>>; 21] {
     keys! {
         acc_gate gyro_range_rad_s recovery_rad2_s gap_s start_up_s
-        gyr_lag_s acc_lag_s mag_lag_s mag_lag_prior_rad2_s declination_rad
+        gyr_lag_s acc_lag_s mag_lag_s mag_lag_sd_s declination_rad
         rest.rate_rad_s rest.acc_m_s2 rest.time_s rest.max_bias_rad_s rest.tau_s rest.motion_tilt_rad
         field.gate field.tau_s field.adopt_s field.adopt_rate_rad_s field.reject_s
     }

@@ -1,4 +1,4 @@
-//! The field's lag, learned beside the steps: see [`crate::Config::mag_lag_prior_rad2_s`].
+//! The field's lag, learned beside the steps: see [`crate::Config::mag_lag_sd_s`].
 
 use super::counts::Counts;
 use super::estimator::Estimator;
@@ -35,7 +35,7 @@ impl FieldLag {
     /// # Errors
     /// The name of the lag or its prior if it is out of range.
     pub fn new<G>(config: &Config<G>) -> Result<Self, ConfigError> {
-        lag::FieldLag::new(config.mag_lag_s, config.mag_lag_prior_rad2_s).map(Self)
+        lag::FieldLag::new(config.mag_lag_s, config.mag_lag_sd_s).map(Self)
     }
 
     /// The lag now, s.

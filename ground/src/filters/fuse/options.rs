@@ -60,7 +60,7 @@ Keys of --set
                  offset in motion), field.gate, field.tau_s, field.adopt_s, field.adopt_rate_rad_s,
                  field.reject_s,
                  gyr_lag_s (age of the rates), acc_lag_s, mag_lag_s (how late these sensors are
-                 behind them), mag_lag_prior_rad2_s (inf: learn nothing of the field's lag)
+                 behind them), mag_lag_sd_s (0: learn nothing of the field's lag)
   complementary  acc_tau_s, mag_tau_s
   mahony         acc_per_s, mag_per_s, integral_per_s2
   madgwick       beta_per_s

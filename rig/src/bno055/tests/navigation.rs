@@ -153,7 +153,7 @@ const SETTINGS_OF_THESIS: [(&str, &str); 7] = [
     ("gyr_lag_s", "0"),
     ("acc_lag_s", "0"),
     ("mag_lag_s", "0"),
-    ("mag_lag_prior_rad2_s", "inf"),
+    ("mag_lag_sd_s", "0"),
 ];
 
 /// Mean and root mean square of an estimator's error, estimate less reference, deg.
