@@ -170,7 +170,7 @@ def faults(scratch):
     """Faults in mid-flight, and what fails beyond the sensor in the vehicle's other phases."""
     campaign = lab("faults", "--report", scratch / "faults.html")
     kinds = campaign["faults"]
-    total = {key: sum(kind[key] for kind in kinds) for key in ("runs", "recovered", "neutral", "restarted", "unsafe")}
+    total = {key: sum(kind[key] for kind in kinds) for key in ("runs", "recovered", "neutral", "restarted", "unmodelled", "unsafe")}
     slowest = max(kinds, key=lambda kind: kind["worst_ms"])
     elsewhere = [kind for phase in ("start", "standby", "saving", "armed", "failsafe")
                  for kind in lab("faults", "--phase", phase, "--report", scratch / "phase.html")["faults"]]
@@ -179,7 +179,8 @@ def faults(scratch):
     ridden, all_glitches = (sum(kind[key] for kind in glitches) for key in ("recovered", "runs"))
     return (f"## Faults\n`cargo lab faults --json`: {total['runs']:,} faults of {len(kinds)} kinds in mid-flight. "
             f"{total['recovered']:,} recovered, {total['neutral']:,} ended with the neutral pulse commanded, "
-            f"{total['restarted']:,} behind a reset, {total['unsafe']:,} were unsafe. The longest without control took "
+            f"{total['restarted']:,} behind a reset, {total['unmodelled']:,} in what the chip's model lacks, "
+            f"{total['unsafe']:,} were unsafe. The longest without control took "
             f"{slowest['worst_ms']:.0f} ms (`{slowest['kind']}`). Faults of the sensor may take "
             f"{campaign['deadline_ms']:.0f} ms, the others {campaign['wrong_limit_ms']:.0f} ms. Of flipped bits and "
             f"failing peripherals {campaign['upset_noticed_pct']:.0f} % were noticed and "

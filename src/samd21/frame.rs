@@ -19,7 +19,6 @@ use atsamd_hal::clock::Tcc0Tcc1Clock;
 use atsamd_hal::pac;
 use atsamd_hal::pac::interrupt;
 use cortex_m::peripheral::SCB;
-use critical_section::{CriticalSection, Mutex};
 use tvc_nano::config::{PULSE_MAX_US, PULSE_MIN_US};
 use tvc_nano::sampling::Tick;
 use tvc_nano::servo::PulseUs;
@@ -27,7 +26,7 @@ use tvc_nano::ticks::{TickPlan, TimerPlan, Timing};
 use tvc_nano::{Axis, SelfCheck};
 
 use super::clocks::clock_frame_again;
-use super::interrupts::hold_ticks;
+use super::interrupts::{Shared, TicksHeld, hold_ticks};
 use super::time::{self, now, soon};
 use super::wiring::Output;
 use super::{crash, i2c, watchdog};
@@ -93,7 +92,7 @@ static EARLY_TICKS: [AtomicU32; 2] = [AtomicU32::new(0), AtomicU32::new(0)];
 /// The last tick of a frame reads the rates alone.
 static IS_SPLIT: AtomicBool = AtomicBool::new(false);
 /// The newest tick that the main loop has not seen.
-static TICK: Mutex<Cell<Option<Tick>>> = Mutex::new(Cell::new(None));
+static TICK: Shared<Cell<Option<Tick>>> = Shared::new(Cell::new(None));
 
 /// The running frame.
 pub(crate) struct Frame {
@@ -474,9 +473,9 @@ pub(crate) fn length_us() -> u16 {
 
 /// The newest tick, once.
 pub(crate) fn take_tick() -> Option<Tick> {
-    hold_ticks(|cs| {
+    hold_ticks(|held| {
         time::seen();
-        TICK.borrow(cs).take()
+        TICK.borrow(held).take()
     })
 }
 
@@ -508,8 +507,8 @@ fn TCC0() {
     if due {
         let at = now();
         let rates_only = last && IS_SPLIT.load(Ordering::Relaxed);
-        // SAFETY: the bus's interrupt has the same priority, and the main loop holds both off.
-        let held = unsafe { CriticalSection::new() };
+        // SAFETY: this is the tick's interrupt.
+        let held = unsafe { TicksHeld::new() };
         i2c::start_burst(held, at, rates_only);
         // The burst's end wakes the main loop, or its being late does.
         if let Some(limit_us) = BURST_LIMITS_US.get(usize::from(rates_only)) {

@@ -17,13 +17,12 @@ mod sercom;
 
 use core::cell::RefCell;
 
-use critical_section::{CriticalSection, Mutex};
 use tvc_imu::{Bursts, BusError, Micros, Transfer};
 use tvc_nano::SelfCheck;
 use tvc_nano::application;
 use tvc_nano::bus::{Answer, Completion, Master};
 
-use super::interrupts::hold_ticks;
+use super::interrupts::{Shared, TicksHeld, hold_ticks};
 use super::time::{now, within};
 use super::{crash, log, wake};
 use crate::boards::WIRING;
@@ -44,18 +43,15 @@ const STOP_LIMIT_US: u64 = 2_000;
 /// How long a step waits for it at most.
 const STOP_HURRIED_US: u64 = 550;
 
-static MASTER: Mutex<RefCell<Master<Sercom>>> = Mutex::new(RefCell::new(Master::new(Sercom)));
+static MASTER: Shared<RefCell<Master<Sercom>>> = Shared::new(RefCell::new(Master::new(Sercom)));
 
 /// Access the state that the main loop shares with the interrupts.
 fn with_master<R>(action: impl FnOnce(&mut Master<Sercom>) -> R) -> R {
-    hold_ticks(|cs| with_master_held(cs, action))
+    hold_ticks(|held| with_master_held(held, action))
 }
 
 /// The same for who holds the interrupts off already.
-fn with_master_held<R>(
-    held: CriticalSection<'_>,
-    action: impl FnOnce(&mut Master<Sercom>) -> R,
-) -> R {
+fn with_master_held<R>(held: TicksHeld<'_>, action: impl FnOnce(&mut Master<Sercom>) -> R) -> R {
     match MASTER.borrow(held).try_borrow_mut() {
         Ok(mut master) => action(&mut master),
         // An action that asks for the master again; there is none.
@@ -227,14 +223,14 @@ impl Bus {
 }
 
 /// A tick has come: start its burst.
-pub(crate) fn start_burst(held: CriticalSection<'_>, time: Micros, rates_only: bool) {
+pub(crate) fn start_burst(held: TicksHeld<'_>, time: Micros, rates_only: bool) {
     wake_if(with_master_held(held, |master| master.start_burst(time, rates_only)));
 }
 
 /// The wire has done what it was told; for the handler of the interrupt of the board's SERCOM.
 pub(crate) fn wire_ready() {
-    // SAFETY: the tick's interrupt has the same priority, and the main loop holds both off.
-    let held = unsafe { CriticalSection::new() };
+    // SAFETY: this is the bus's interrupt.
+    let held = unsafe { TicksHeld::new() };
     wake_if(with_master_held(held, |master| master.advance(now)));
 }
 

@@ -1,10 +1,12 @@
 //! Which interrupts are enabled, with which priorities: see the [table](super).
 
+use core::cell::UnsafeCell;
+use core::marker::PhantomData;
+
 use atsamd_hal::pac::Interrupt;
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::{NVIC, SCB};
-use critical_section::CriticalSection;
 
 use super::i2c;
 
@@ -29,15 +31,43 @@ pub(crate) fn start(scb: &mut SCB) {
     enable::<{ Interrupt::USB as u16 }>(3);
 }
 
-/// What the interrupts of the tick and of the sensor's bus share with the main loop. They alone are
-/// held off: SysTick and the watchdog still end a program that hangs in `action`. Its token is for
-/// what these interrupts share, and for nothing of SysTick's.
-pub(crate) fn hold_ticks<R>(action: impl FnOnce(CriticalSection<'_>) -> R) -> R {
+/// Shows that the interrupts of the tick and of the sensor's bus are held off. They have one
+/// priority, so neither interrupts the other.
+#[derive(Clone, Copy)]
+pub(crate) struct TicksHeld<'a>(PhantomData<&'a ()>);
+
+impl TicksHeld<'_> {
+    /// # Safety
+    /// The caller is one of these interrupts, or holds both off.
+    pub(crate) unsafe fn new() -> Self {
+        Self(PhantomData)
+    }
+}
+
+/// What these interrupts share with the main loop: a `Cell` or a `RefCell`.
+pub(crate) struct Shared<T>(UnsafeCell<T>);
+
+// SAFETY: only who holds the interrupts off reaches the content.
+unsafe impl<T: Send> Sync for Shared<T> {}
+
+impl<T> Shared<T> {
+    pub(crate) const fn new(content: T) -> Self {
+        Self(UnsafeCell::new(content))
+    }
+
+    pub(crate) fn borrow<'a>(&'a self, _: TicksHeld<'a>) -> &'a T {
+        // SAFETY: nothing makes an exclusive reference.
+        unsafe { &*self.0.get() }
+    }
+}
+
+/// Holds off the interrupts of the tick and of the sensor's bus alone: SysTick and the watchdog
+/// still end a program that hangs in `action`.
+pub(crate) fn hold_ticks<R>(action: impl FnOnce(TicksHeld<'_>) -> R) -> R {
     let held = hold();
-    // SAFETY: the token stands for what these interrupts share, which those above leave alone.
-    // Enabled again are those that were.
+    // SAFETY: both are held off until `action` ends. Enabled again are those that were.
     unsafe {
-        let result = action(CriticalSection::new());
+        let result = action(TicksHeld::new());
         (*NVIC::PTR).iser[0].write(held);
         result
     }
