@@ -47,9 +47,9 @@ pub struct Config<G> {
     pub acc_lag_s: f32,
     /// Age of the magnetometer's samples less the rates' age, s: -0.1 to 0.1.
     pub mag_lag_s: f32,
-    /// Standard deviation of `mag_lag_s`, s: 0 to 0.1. The filter learns the lag that the field shows
-    /// while the body turns; the larger the deviation, the faster. With 0 it learns nothing. Fixed
-    /// point learns in [`FieldLag`](crate::fixed::FieldLag).
+    /// Standard deviation of `mag_lag_s`, s: 0 to 0.1. The filter learns the lag that the field
+    /// shows while the body turns; the larger the deviation, the faster. With 0 it learns nothing.
+    /// Fixed point learns in [`FieldLag`](crate::fixed::FieldLag).
     pub mag_lag_sd_s: f32,
     /// Magnetic declination, east positive (rad). With it, north is geographic.
     pub declination_rad: f32,
