@@ -33,11 +33,11 @@ fn the_rig_gives_all_but_a_release() {
     assert_eq!(status, Some(0));
     let names = (0..archive.len())
         .map(|index| archive.by_index(index).unwrap().name().unwrap().into_owned());
-    assert_eq!(names.collect::<Vec<_>>(), ["info.json", "parameters.param", "notes.tlog"]);
+    assert_eq!(names.collect::<Vec<_>>(), ["info.json", "parameters.param", "log/notes.tlog"]);
     let info: Value = serde_json::from_str(&text(&mut archive, "info.json")).unwrap();
     assert!(info["tool"].is_string() && info["vehicle"]["state"].is_string(), "{info}");
     assert!(text(&mut archive, "parameters.param").contains("PID_KP"));
-    assert_eq!(text(&mut archive, "notes.tlog"), "what I saw");
+    assert_eq!(text(&mut archive, "log/notes.tlog"), "what I saw");
 }
 
 /// The archive of a vehicle that does not answer tells why.
