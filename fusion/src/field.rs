@@ -291,10 +291,10 @@ impl<T: Real> Field<T> {
         if let Some(reference) = &self.reference
             && self.averaged == AVERAGED
             && T::ONE.within(self.weight)
-            && let Some(dt) = self.lag.due(self.since_judged_s)
+            && self.lag.is_due(self.since_judged_s)
         {
             let per_field = reference.inverse_tolerance * self.gate * T::HALF;
-            self.lag.learn(dt, rows, mag, rate, per_field);
+            self.lag.learn(rows, mag, rate, per_field);
         }
     }
 

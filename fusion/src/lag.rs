@@ -9,14 +9,14 @@
 //! ```
 //!
 //! The field shows its own lag: as the body turns, it moves in the estimated earth frame by
-//! `-lag R (m x w)` about a constant mean. Let `s` and `x` be the deviations of `R m` and of
-//! `R (m x w)` from their means over half a second, in parts of the field. The rest `s + lag x` is
-//! noise with the mean square `v`, of which samples within half a second say the same. With the
-//! standard deviation `sd` of the configured lag, the most probable lag is
+//! `-lag R (m x w)` about a constant mean. Five times a second, let `s` and `x` be the deviations
+//! of `R m` and of `R (m x w)` from their running means, in parts of the field. The rest
+//! `s + lag x` is noise with the mean square `v`, of which some 2.5 samples in a row say the same.
+//! With the standard deviation `sd` of the configured lag, the most probable lag is
 //!
 //! ```text
-//! weight = v 0.5 s / sd^2
-//! lag = (weight mag_lag_s - sum s.x dt) / (weight + sum x.x dt)
+//! weight = 2.5 v / sd^2
+//! lag = (weight mag_lag_s - sum s.x) / (weight + sum x.x)
 //! ```
 //!
 //! So a disturbed field teaches slowly.
@@ -35,15 +35,21 @@ const LONGEST_S: f32 = 0.1;
 /// Least standard deviation with which a lag is learned, s.
 const LEAST_SD_S: f32 = 1e-6;
 
-/// Time constant of the means, and time over which noise is correlated, s.
-const MEAN_S: f32 = 0.5;
+/// Share of a sample in the means: they forget in half a second.
+const SHARE: f32 = 0.286;
 
-/// The noise before it is measured, in parts of the field, and the time for which it counts, s.
+/// The noise before it is measured, in parts of the field, and as how many samples it counts.
 const NOISE: f32 = 0.03;
-const NOISE_S: f32 = 5.0;
+const NOISE_SAMPLES: u16 = 25;
+
+/// Samples in a row with the same noise.
+const CORRELATED: f32 = 2.5;
 
 /// Time between two samples that teach the lag, s: more samples would tell little.
 const LEARN_S: f32 = 0.2;
+
+/// Samples that teach the lag before it is renewed.
+const RENEW: u16 = 4;
 
 /// The turn within a lag, per axis, rad, up to which first order is enough: its error is 6e-4 of
 /// the vector.
@@ -86,14 +92,16 @@ struct Regression<T> {
     waited_s: T,
     /// The configured lag, s.
     configured_s: T,
-    /// `0.5 s / sd^2`, 1/s.
+    /// `2.5 / sd^2`, 1/s^2.
     per_noise: T,
-    /// `sum s.x dt`, s.
+    /// `sum s.s`.
+    own: T,
+    /// `sum s.x`, 1/s.
     product: T,
-    /// `sum x.x dt`, 1/s.
+    /// `sum x.x`, 1/s^2.
     square: T,
-    /// `sum |s + lag x|^2 dt`, and the sum of the times, s.
-    noise: [T; 2],
+    /// Samples that have taught the lag. After 65,535, four hours of turning, it stays.
+    taught: u16,
 }
 
 impl<T: Real> FieldLag<T> {
@@ -105,8 +113,9 @@ impl<T: Real> FieldLag<T> {
             lag_s: configured_s,
             learned: (sd_s >= LEAST_SD_S).then(|| Regression {
                 configured_s,
-                per_noise: T::from_f32(MEAN_S / (sd_s * sd_s)),
-                noise: [NOISE * NOISE * NOISE_S, NOISE_S].map(T::from_f32),
+                per_noise: T::from_f32(CORRELATED / (sd_s * sd_s)),
+                own: T::from_f32(NOISE * NOISE * f32::from(NOISE_SAMPLES)),
+                taught: NOISE_SAMPLES,
                 ..Regression::default()
             }),
         })
@@ -131,22 +140,24 @@ impl<T: Real> FieldLag<T> {
         self.lag_s
     }
 
-    /// A sample comes `dt` (s) after the sample before. If it is to teach the lag, the time since
-    /// the last such sample, s.
+    /// Whether a sample, `dt` (s) after the sample before, is to teach the lag.
     #[inline(always)]
-    pub(crate) fn due(&mut self, dt: T) -> Option<T> {
-        let regression = self.learned.as_mut()?;
+    pub(crate) fn is_due(&mut self, dt: T) -> bool {
+        let Some(regression) = &mut self.learned else {
+            return false;
+        };
         regression.waited_s += dt;
-        (!regression.waited_s.within(T::from_f32(LEARN_S)))
-            .then(|| core::mem::replace(&mut regression.waited_s, T::ZERO))
+        let is_due = !regression.waited_s.within(T::from_f32(LEARN_S));
+        if is_due {
+            regression.waited_s = T::ZERO;
+        }
+        is_due
     }
 
-    /// One measured sample, `dt` (s) after the last sample that taught the lag, of a field with the
-    /// strength `1 / per_field`.
+    /// One measured sample of a field with the strength `1 / per_field`.
     #[inline(never)]
     pub(crate) fn learn(
         &mut self,
-        dt: T,
         rows: &HalfRows<T>,
         field: &[T; 3],
         rate: &[T; 3],
@@ -159,20 +170,23 @@ impl<T: Real> FieldLag<T> {
         let seen = rows.rotate(&field);
         let turned = rows.rotate(&cross(&field, rate));
         let (seen_mean, turned_mean) = regression.means.get_or_insert((seen, turned));
-        let share = dt * (T::from_f32(MEAN_S) + dt).recip();
         let s = difference(&seen, seen_mean);
         let x = difference(&turned, turned_mean);
-        add_scaled(seen_mean, &s, share);
-        add_scaled(turned_mean, &x, share);
-        let mut rest = s;
-        add_scaled(&mut rest, &x, self.lag_s);
-        regression.noise[0] += dot(&rest, &rest) * dt;
-        regression.noise[1] += dt;
-        regression.product += dot(&s, &x) * dt;
-        regression.square += dot(&x, &x) * dt;
-        let weight = regression.noise[0] * regression.noise[1].recip() * regression.per_noise;
-        let lag_s = (weight * regression.configured_s - regression.product)
-            * (weight + regression.square).recip();
+        add_scaled(seen_mean, &s, T::from_f32(SHARE));
+        add_scaled(turned_mean, &x, T::from_f32(SHARE));
+        regression.own += dot(&s, &s);
+        regression.product += dot(&s, &x);
+        regression.square += dot(&x, &x);
+        regression.taught = regression.taught.saturating_add(1);
+        if !regression.taught.is_multiple_of(RENEW) {
+            return;
+        }
+        let Regression { own, product, square, taught, per_noise, configured_s, .. } = *regression;
+        let count = T::from_f32(taught.into());
+        // `count v / sd^2`, with the sum of `|s + lag x|^2`.
+        let noise = own + (product + product + self.lag_s * square) * self.lag_s;
+        let weight = noise * per_noise;
+        let lag_s = (weight * configured_s - product * count) * (weight + square * count).recip();
         if lag_s.within(T::from_f32(LONGEST_S)) {
             self.lag_s = lag_s;
         }
@@ -212,8 +226,8 @@ mod tests {
             let then = truth * UnitQuaternion::from_scaled_axis(-rate * late_s);
             let q = Quaternion { w: truth.w, x: truth.i, y: truth.j, z: truth.k };
             let seen = then.inverse() * field;
-            if let Some(dt) = lag.due(0.02) {
-                lag.learn(dt, &q.half_rows(), &seen.into(), &rate.into(), 1.0 / field.norm());
+            if lag.is_due(0.02) {
+                lag.learn(&q.half_rows(), &seen.into(), &rate.into(), 1.0 / field.norm());
             }
         }
         lag.lag_s()

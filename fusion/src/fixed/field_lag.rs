@@ -54,12 +54,12 @@ impl FieldLag {
     ) {
         if let Some(mag) = counts.mag
             && let Some([north, down]) = state.compass.trusted()
-            && let Some(dt_s) = self.0.due(dt_us as f32 * 1e-6)
+            && self.0.is_due(dt_us as f32 * 1e-6)
         {
             let strength = Real::sqrt((north * north + down * down) as f32);
             let rows = Orientation { wxyz_q30: state.rotation.q30() }.quaternion().half_rows();
             let rate = estimator.rate(state, &counts.gyr);
-            self.0.learn(dt_s, &rows, &mag.map(f32::from), &rate, 1.0 / strength);
+            self.0.learn(&rows, &mag.map(f32::from), &rate, 1.0 / strength);
             estimator.set_mag_lag_s(self.0.lag_s());
         }
     }
