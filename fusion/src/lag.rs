@@ -104,6 +104,18 @@ struct Regression<T> {
     taught: u16,
 }
 
+impl<T: Real> Regression<T> {
+    fn new(configured_s: T, per_noise: T) -> Self {
+        Self {
+            configured_s,
+            per_noise,
+            own: T::from_f32(NOISE * NOISE * f32::from(NOISE_SAMPLES)),
+            taught: NOISE_SAMPLES,
+            ..Self::default()
+        }
+    }
+}
+
 impl<T: Real> FieldLag<T> {
     /// `sd_s`: the standard deviation of the configured lag, s.
     pub(crate) fn new(lag_s: f32, sd_s: f32) -> Result<Self, ConfigError> {
@@ -111,13 +123,8 @@ impl<T: Real> FieldLag<T> {
         in_range(sd_s, 0.0, LONGEST_S, "mag_lag_sd_s")?;
         Ok(Self {
             lag_s: configured_s,
-            learned: (sd_s >= LEAST_SD_S).then(|| Regression {
-                configured_s,
-                per_noise: T::from_f32(CORRELATED / (sd_s * sd_s)),
-                own: T::from_f32(NOISE * NOISE * f32::from(NOISE_SAMPLES)),
-                taught: NOISE_SAMPLES,
-                ..Regression::default()
-            }),
+            learned: (sd_s >= LEAST_SD_S)
+                .then(|| Regression::new(configured_s, T::from_f32(CORRELATED / (sd_s * sd_s)))),
         })
     }
 
@@ -131,8 +138,7 @@ impl<T: Real> FieldLag<T> {
     pub(crate) fn set_lag_s(&mut self, lag_s: T) {
         self.lag_s = lag_s;
         if let Some(regression) = &mut self.learned {
-            regression.configured_s = lag_s;
-            (regression.product, regression.square) = (T::ZERO, T::ZERO);
+            *regression = Regression::new(lag_s, regression.per_noise);
         }
     }
 

@@ -297,5 +297,9 @@ mod tests {
         assert!(refusal("[plane]\nx = 1").contains("[plane]"));
         assert!(refusal("thrust").contains("not TOML"));
         assert!(refusal("[drone]\nthrust_n = true").contains("[drone]"));
+        // Neither is an angle, nor a time.
+        let units = |key: &str| units(key).map(|units| units[0].0);
+        assert_eq!(units("stiffness_n_m_rad"), Some("N m/rad"));
+        assert_eq!(units("rotor_momentum_kg_m2_s"), Some("kg m2/s"));
     }
 }

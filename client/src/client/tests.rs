@@ -522,3 +522,45 @@ fn an_order_that_goes_on_has_been_obeyed() {
     bench.ack(CALIBRATE, MavResult::MAV_RESULT_ACCEPTED);
     assert_eq!(bench.client.answer(ticket), None);
 }
+
+fn beat(state: StateCode) -> MavMessage {
+    MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+        custom_mode: state.number(),
+        autopilot: MavAutopilot::MAV_AUTOPILOT_GENERIC,
+        ..HEARTBEAT_DATA::default()
+    })
+}
+
+fn said(words: &str) -> MavMessage {
+    MavMessage::STATUSTEXT(STATUSTEXT_DATA { text: words.into(), ..STATUSTEXT_DATA::default() })
+}
+
+#[test]
+fn the_text_behind_a_new_state_is_its_reason() {
+    let mut bench = Bench::new();
+    assert_eq!(bench.client.state(), None);
+    assert_eq!(bench.client.state_name(), "unknown (255)");
+    let failsafe = beat(StateCode::Failsafe(ReasonKind::Tilt));
+    for message in [
+        failsafe.clone(),
+        said("failsafe: tilt beyond 60 deg"),
+        said("arm refused: in failsafe"),
+        failsafe,
+        said("something else"),
+    ] {
+        bench.say(message);
+    }
+    assert_eq!(bench.client.state(), Some(StateKind::Failsafe));
+    assert_eq!(bench.client.reason(), "failsafe: tilt beyond 60 deg");
+}
+
+#[test]
+fn a_stations_heartbeat_changes_nothing_of_the_vehicles_state() {
+    let mut bench = Bench::new();
+    bench.say(beat(StateCode::Armed));
+    bench.say(said("armed"));
+    bench.say(request::heartbeat());
+    bench.say(said("something else"));
+    assert_eq!(bench.client.state_code(), Some(StateCode::Armed));
+    assert_eq!(bench.client.reason(), "armed");
+}

@@ -60,9 +60,7 @@ impl Disturbances {
             temperature: self.temperature.or(others.temperature),
         }
     }
-}
 
-impl Disturbances {
     /// Checks every value against its range.
     ///
     /// # Errors

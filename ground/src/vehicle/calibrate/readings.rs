@@ -10,9 +10,9 @@ use mavlink::dialects::common::MavMessage;
 use nalgebra::Vector3;
 use recordings::{Source, bno055};
 
-use ::report::kind::is_log;
 use flights::log::each_message;
 use report::exit::BadInput;
+use report::kind::is_log;
 
 /// Fewest samples: a second of them.
 const FEWEST: usize = 100;

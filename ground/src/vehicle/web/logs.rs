@@ -7,9 +7,9 @@ use anyhow::{Context, Result};
 use serde::Serialize;
 
 use crate::cli::TOOL;
-use ::report::kind::is_log;
 use flights::log::{Writer, span_us};
 use report::exit::BadInput;
+use report::kind::is_log;
 
 /// Most recordings of a kind in one folder.
 const MOST: u32 = 9999;

@@ -70,9 +70,6 @@ fn a_default_that_is_shown_can_be_given() {
     let default = Hardware::default();
     for key in keys() {
         let shown = key.show(&default);
-        if shown == "none" {
-            continue;
-        }
         let parsed = format!("{}={shown}", key.name).parse();
         assert_eq!(parsed, Ok(default.clone()), "{}", key.name);
     }
