@@ -61,8 +61,8 @@ fn fixed_error_deg<F: fixed::Filter>(late: (f64, f64), config: &Config<F::Gains>
     (error, lag.lag_s())
 }
 
-/// `of` runs a filter with a configuration on late sensors, and gives its error and learned lag. The
-/// error is at most `most_deg` where the lags are known.
+/// `of` runs a filter with a configuration on late sensors, and gives its error and learned lag.
+/// The error is at most `most_deg` where the lags are known.
 fn lags_are_made_good_for<G: Default + Copy>(
     most_deg: f64,
     of: impl Fn((f64, f64), &Config<G>) -> (f64, f32),
@@ -99,6 +99,27 @@ fn vqf_makes_good_for_late_sensors() {
 #[test]
 fn mahony_makes_good_for_late_sensors() {
     lags_are_made_good_for(0.15, error_deg::<Mahony>);
+}
+
+/// A magnetometer beside a magnet: all its counts are at their ends.
+#[test]
+fn the_strongest_field_is_learned_from_without_overflow() {
+    let (config, period_us) = (Config::default(), 10_000);
+    let scale = fixed::Scale::BNO055;
+    let estimator = fixed::Estimator::<fixed::Vqf>::new(&config, &scale, period_us);
+    let mut estimator = estimator.expect("valid");
+    let (mut state, mut lag) = (estimator.start(), fixed::FieldLag::new(&config).expect("valid"));
+    for k in 0..3_000 {
+        let rate = if k % 200 < 100 { 3_000 } else { -3_000 };
+        let counts = fixed::Counts {
+            gyr: [0, 0, if k < 1_500 { 0 } else { rate }],
+            acc: [0, 0, -981],
+            mag: Some([i16::MAX, i16::MIN, i16::MAX]),
+        };
+        estimator.update(&mut state, period_us, &counts);
+        lag.learn(&mut estimator, &state, period_us, &counts);
+    }
+    assert!(lag.lag_s().abs() <= 0.1, "{} s", lag.lag_s());
 }
 
 /// All sensors are late by the same: the attitude is, too, unless that is known.

@@ -33,7 +33,7 @@ impl FieldLag {
     /// The lag of the configuration.
     ///
     /// # Errors
-    /// The name of the lag or its prior if it is out of range.
+    /// The name of the lag or its standard deviation if it is out of range.
     pub fn new<G>(config: &Config<G>) -> Result<Self, ConfigError> {
         lag::FieldLag::new(config.mag_lag_s, config.mag_lag_sd_s).map(Self)
     }
@@ -56,7 +56,8 @@ impl FieldLag {
             && let Some([north, down]) = state.compass.trusted()
             && self.0.is_due(dt_us as f32 * 1e-6)
         {
-            let strength = Real::sqrt((north * north + down * down) as f32);
+            let [north, down] = [north, down].map(|part| part as f32);
+            let strength = Real::sqrt(north * north + down * down);
             let rows = Orientation { wxyz_q30: state.rotation.q30() }.quaternion().half_rows();
             let rate = estimator.rate(state, &counts.gyr);
             self.0.learn(&rows, &mag.map(f32::from), &rate, 1.0 / strength);
