@@ -45,8 +45,7 @@ Scores
 Fixed point
   All filters but gyro and kalman, up to 2000 samples a second, on 16-bit counts: those of an
   IMUQ16v1 file as they are; of a CSV file in SI units, values rounded to 2000/32767 deg/s,
-  16/32767 g and 0.05 uT, and saturated. What a clipped gyroscope hides is lost, and the field's lag
-  is as configured.
+  16/32767 g and 0.05 uT, and saturated. What a clipped gyroscope hides is lost.
 
 Offline
   With --offline the filter runs through the recording forth, back and forth again, and the two
