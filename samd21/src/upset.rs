@@ -77,12 +77,12 @@ impl Chip {
 
     /// Whether the brown-out detector holds the chip in reset.
     pub fn is_held_in_reset(&self) -> bool {
-        self.peripherals.is_held_in_reset()
+        self.peripherals.sysctrl.bod33.holds_reset()
     }
 
     /// Whether the CPU has no clock.
     pub fn is_stopped(&self) -> bool {
-        self.peripherals.is_stopped()
+        self.peripherals.gclk.main().is_none()
     }
 }
 
@@ -152,6 +152,12 @@ mod tests {
         // Registers and bits that are not there.
         assert!(!chip.flip_register(0x4100_44C8, 3, &mut Unconnected));
         assert!(!chip.flip_register(0x4000_1400, 0, &mut Unconnected));
+        // Bits that the registers do not have: APBAMASK, BOD33, DESCADD, EPCFG.
+        for (address, bit) in
+            [(0x4000_0418, 7), (0x4000_0834, 0), (0x4100_5024, 1), (0x4100_5100, 3)]
+        {
+            assert!(!chip.flip_register(address, bit, &mut Unconnected), "{address:#x} {bit}");
+        }
         assert!(!chip.flip_register(0xE000_ED00, 0, &mut Unconnected));
     }
 

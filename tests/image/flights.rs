@@ -154,6 +154,7 @@ fn flies_with_synchronisation_held() {
     assert!(flight.response(Axis::Pitch).unwrap().settling_s(0.05).is_some_and(|s| s <= 0.9));
     let violations = ready.rig.chip.violations();
     assert_eq!(violations.count, 0, "{violations:?}");
+    assert_eq!(ready.rig.chip.usb_host.errors(), []);
 }
 
 /// An image costs what the last row of its table says, within 3 %. Where it costs less, the row is

@@ -19,6 +19,13 @@ pub(crate) struct Bus<'a> {
 }
 
 impl Bus<'_> {
+    /// At `now`, with nothing soldered round the chip.
+    #[cfg(test)]
+    pub(crate) fn alone<T>(now: Ticks, act: impl FnOnce(&mut Bus<'_>) -> T) -> T {
+        let board = &mut crate::board::Unconnected;
+        act(&mut Bus { now, board, violations: &mut Violations::default() })
+    }
+
     /// Notes misuse of a peripheral.
     pub(crate) fn note(&mut self, peripheral: &'static str, what: &'static str) {
         self.violations.note(self.now, peripheral, what);

@@ -12,6 +12,8 @@
 //! | BOD12 and power-on reset | the supply of 3.3 V stays above 1.6 V |
 //! | what flash and core do wrong at a low supply | no figures |
 
+/// All that the register has.
+pub(crate) const BITS: u32 = 0x003F_F35E;
 const ENABLE: u32 = 1 << 1;
 const HYST: u32 = 1 << 2;
 const ACTION: u32 = 3 << 3;

@@ -72,13 +72,13 @@ impl Pm {
 
     /// A bit of a register flips: see [`upset`](crate::upset).
     pub(crate) fn flip(&mut self, offset: u32, bit: u32) -> bool {
-        let bits = [(0x08, 3), (0x14, 7)];
-        let exists = bits.iter().all(|(at, bits)| offset != *at || bit < *bits);
-        match self.stored(offset).filter(|_| exists) {
-            Some((register, _)) => *register ^= 1 << bit,
-            None => return false,
-        }
-        true
+        // Of the words of CPUSEL and APBxSEL, CPUSEL alone.
+        let Some((register, bits)) = self.stored(offset).filter(|_| offset != 0x08 || bit < 3)
+        else {
+            return false;
+        };
+        *register ^= bits & 1 << bit;
+        bits >> bit & 1 != 0
     }
 
     pub(crate) fn read(&mut self, offset: u32) -> Read {

@@ -27,7 +27,7 @@
 
 use super::ResetCause;
 use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
-use super::bod33::Bod33;
+use super::bod33::{self, Bod33};
 use super::clock::Rate;
 use super::dfll::Dfll;
 use super::interrupts::Interrupts;
@@ -168,7 +168,7 @@ impl Sysctrl {
                 self.dfll_stopped = !self.dfll_stopped;
             }
             0x28 if bit < 16 => self.dfll.load(self.dfll.value() ^ mask),
-            0x34 => self.bod33.write(self.bod33.register ^ mask),
+            0x34 if bod33::BITS & mask != 0 => self.bod33.write(self.bod33.register ^ mask),
             _ => return false,
         }
         true
@@ -289,7 +289,7 @@ impl Sysctrl {
                     self.dfllval = self.dfll.value();
                 }
             }
-            0x34 => self.bod33.write(lanes.merge(self.bod33.register)),
+            0x34 => self.bod33.write(lanes.merge(self.bod33.register) & bod33::BITS),
             0x3C => self.vreg = lanes.merge(self.vreg),
             0x40 => self.vref = lanes.merge(self.vref),
             _ => return Err(name(offset)),
@@ -360,16 +360,10 @@ fn name(offset: u32) -> Refusal {
 mod tests {
     use super::*;
     use crate::Options;
-    use crate::board::Unconnected;
-    use crate::peripherals::violations::Violations;
 
     fn write(sysctrl: &mut Sysctrl, us: u64, offset: u32, value: u32) -> Write {
-        let mut bus = Bus {
-            now: Ticks::from_us(us),
-            board: &mut Unconnected,
-            violations: &mut Violations::default(),
-        };
-        sysctrl.write(&mut bus, offset, Lanes::word(value), true)
+        let now = Ticks::from_us(us);
+        Bus::alone(now, |bus| sysctrl.write(bus, offset, Lanes::word(value), true))
     }
 
     fn status(sysctrl: &Sysctrl, us: u64) -> u32 {

@@ -45,6 +45,8 @@ enum Arrival {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Wdt {
     clock: Option<Rate>,
+    /// When the clock stopped, and its rate before: the counter stands still.
+    stopped: Option<(Ticks, Rate)>,
     /// How far that was into a cycle at time zero.
     phase: Ticks,
     ctrl: u8,
@@ -86,14 +88,17 @@ impl Wdt {
 
     /// The generic clock. What is counted already stays counted.
     pub(crate) fn set_clock(&mut self, now: Ticks, clock: Option<Rate>) {
-        if let (Some(old), Some(new)) = (self.clock, clock)
-            && old != new
-        {
-            for at in [&mut self.early_warning, &mut self.timeout, &mut self.opens] {
-                if *at > now && *at != Ticks::NEVER {
-                    *at = now + new.duration(old.cycles_in(*at - now));
+        let last = self.stopped.take().or(self.clock.map(|rate| (now, rate)));
+        match (last, clock) {
+            (Some((until, old)), Some(new)) if (until, old) != (now, new) => {
+                for at in [&mut self.early_warning, &mut self.timeout, &mut self.opens] {
+                    if *at > until && *at != Ticks::NEVER {
+                        *at = now + new.duration(old.cycles_in(*at - until));
+                    }
                 }
             }
+            (_, None) => self.stopped = last,
+            _ => {}
         }
         self.clock = clock;
         if let Some((at @ Ticks::NEVER, _)) = &mut self.arriving
@@ -116,15 +121,19 @@ impl Wdt {
 
     pub(crate) fn next(&self) -> Ticks {
         let arrival = self.arriving.map_or(Ticks::NEVER, |(at, _)| at);
-        arrival.min(self.early_warning).min(self.timeout)
+        match self.clock {
+            Some(_) => arrival.min(self.early_warning).min(self.timeout),
+            None => arrival,
+        }
     }
 
     pub(crate) fn advance(&mut self, now: Ticks) {
-        if self.early_warning <= now {
+        let counts = self.clock.is_some();
+        if counts && self.early_warning <= now {
             self.early_warning = Ticks::NEVER;
             self.interrupts.flags |= EW;
         }
-        if self.timeout <= now {
+        if counts && self.timeout <= now {
             self.timeout = Ticks::NEVER;
             self.bites = !self.is_dead;
         }
@@ -274,9 +283,7 @@ impl Wdt {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::board::Unconnected;
     use crate::peripherals::UserRow;
-    use crate::peripherals::violations::Violations;
 
     struct Rig {
         wdt: Wdt,
@@ -297,12 +304,7 @@ mod tests {
         }
 
         fn write(&mut self, offset: u32, lanes: Lanes) -> Ticks {
-            let mut bus = Bus {
-                now: self.now,
-                board: &mut Unconnected,
-                violations: &mut Violations::default(),
-            };
-            self.wdt.write(&mut bus, offset, lanes).unwrap()
+            Bus::alone(self.now, |bus| self.wdt.write(bus, offset, lanes)).unwrap()
         }
 
         fn clear(&mut self) -> Ticks {
@@ -401,6 +403,20 @@ mod tests {
     }
 
     #[test]
+    fn without_a_clock_it_stands_still() {
+        let mut rig = Rig::running();
+        rig.run_to(6_836 + 25_000);
+        rig.wdt.set_clock(rig.now, None);
+        rig.run_to(1_006_836);
+        assert_eq!((rig.wdt.take_bite(), rig.wdt.interrupts.flags), (false, 0));
+        rig.wdt.set_clock(rig.now, Some(Rate::from_hz(2048)));
+        rig.run_to(1_006_836 + 49_000);
+        assert!(!rig.wdt.take_bite());
+        rig.run_to(1_006_836 + 51_000);
+        assert!(rig.wdt.take_bite(), "100 ms were left");
+    }
+
+    #[test]
     fn a_dead_one_warns_and_does_not_bite() {
         let mut rig = Rig::running();
         rig.wdt.is_dead = true;
@@ -468,10 +484,8 @@ mod tests {
         assert_eq!(rig.write(0x00, Lanes::new(u32::from(ENABLE), 0, 1)), Ticks::ZERO);
         rig.run_to(10_000);
         assert!(rig.busy());
-        let mut bus =
-            Bus { now: rig.now, board: &mut Unconnected, violations: &mut Violations::default() };
         let lanes = Lanes::new(u32::from(KEY), 0, 1);
-        assert!(rig.wdt.write(&mut bus, 0x08, lanes).is_err());
+        assert!(Bus::alone(rig.now, |bus| rig.wdt.write(bus, 0x08, lanes)).is_err());
         rig.wdt.set_clock(rig.now, Some(Rate::from_hz(1024)));
         rig.run_to(16_000);
         assert!(!rig.busy());

@@ -35,6 +35,8 @@ const RXSTP: u32 = 1 << 4;
 const STALL0: u32 = 1 << 5;
 const STALL1: u32 = 1 << 6;
 
+/// EPCFG: a type for each bank.
+const EPCFG_BITS: u32 = 0x77;
 const CONTROL: u8 = 1;
 const BYTE_COUNT: u32 = 0x3FFF;
 const AUTO_ZLP: u32 = 1 << 31;
@@ -95,7 +97,7 @@ impl Endpoint {
     /// A bit of a register flips. A type that is not modelled is as none.
     pub(super) fn flip(&mut self, offset: u32, bit: u32) -> bool {
         match offset {
-            0x00 if bit < 8 => {
+            0x00 if EPCFG_BITS >> bit & 1 != 0 => {
                 let known = |kind| if kind == 2 || kind > 4 { 0 } else { kind };
                 let config = self.config ^ 1 << bit;
                 self.configure(known(config & 7) | known(config >> 4 & 7) << 4);
@@ -179,7 +181,7 @@ impl Usb {
     /// Whether a token for this endpoint will be answered with NAK, so that the host can
     /// plan a short transaction. Direction is the host's.
     pub(crate) fn would_nak(&self, number: u8, is_in: bool) -> bool {
-        let endpoint = self.endpoints[usize::from(number)];
+        let Some(endpoint) = self.endpoints.get(usize::from(number)) else { return false };
         if is_in {
             endpoint.type_in() != 0 && endpoint.status & (STALLRQ1 | BK1RDY) == 0
         } else {

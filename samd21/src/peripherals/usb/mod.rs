@@ -164,7 +164,7 @@ impl Usb {
             0x08 if mask == u32::from(DETACH) => self.ctrlb ^= DETACH,
             0x08 if (16..24).contains(&bit) => self.address ^= (mask >> 16) as u8,
             0x18 => return self.interrupts.flip(mask),
-            0x24 => self.descriptors ^= mask & !3,
+            0x24 if bit >= 2 => self.descriptors ^= mask,
             0x100..0x200 => return self.endpoints[index(offset)].flip(offset % 0x20, bit),
             _ => return false,
         }

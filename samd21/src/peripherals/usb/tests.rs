@@ -65,6 +65,9 @@ fn the_device_answers_to_its_address_only() {
     assert_eq!(usb.setup(0, 0, [0; 8], &mut memory), Err(Refused::Silence));
     assert_eq!(usb.setup(5, 0, [0; 8], &mut memory), Ok(()));
     assert_eq!(usb.output(5, 3, false, &[], &mut memory), Err(Refused::Silence));
+    // A descriptor may name an endpoint that the chip does not have.
+    assert_eq!(usb.output(5, 9, false, &[], &mut memory), Err(Refused::Silence));
+    assert!(!usb.would_nak(9, false));
 }
 
 #[test]
