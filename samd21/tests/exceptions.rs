@@ -26,13 +26,13 @@ fn entry_stacks_eight_words_and_takes_15_cycles() {
     assert_eq!(words[6], PROGRAM + 2, "behind the SVC");
     assert_eq!(words[7], 0xA100_0000);
     let inside = chip.registers();
-    assert_eq!((inside.pc(), inside.r[13], inside.r[14]), (0x400, frame, RETURN_TO_THREAD));
+    assert_eq!((inside.r[15], inside.r[13], inside.r[14]), (0x400, frame, RETURN_TO_THREAD));
     assert_eq!(inside.xpsr & 0x3F, u32::from(SVCALL));
 
     assert_eq!(step(&mut chip), 13);
 
     let after = chip.registers();
-    assert_eq!(after.pc(), PROGRAM + 2);
+    assert_eq!(after.r[15], PROGRAM + 2);
     assert_eq!(after.xpsr, 0xA100_0000);
     assert_eq!(after.r[..15], registers.r[..15]);
 }
@@ -284,7 +284,7 @@ fn a_handler_can_switch_to_another_threads_frame() {
     set(&mut chip, 1, 2);
     run_to_breakpoint(&mut chip);
     let after = chip.registers();
-    assert_eq!((after.pc(), after.r[0], after.psp), (0x600, 7, 0x2000_0820));
+    assert_eq!((after.r[15], after.r[0], after.psp), (0x600, 7, 0x2000_0820));
     assert_eq!(after.xpsr & 0xF000_003F, 0x4000_0000);
     assert!(after.spsel);
     assert_eq!(after.msp, STACK_TOP - 32, "the first thread's frame is still there");
@@ -328,14 +328,4 @@ fn an_interrupt_nests_in_svcall_of_low_priority() {
     );
     run_to_breakpoint(&mut chip);
     assert_eq!(logged(&chip), [11, 16, 12, 9]);
-}
-
-trait ProgramCounter {
-    fn pc(&self) -> u32;
-}
-
-impl ProgramCounter for samd21::chip::Registers {
-    fn pc(&self) -> u32 {
-        self.r[15]
-    }
 }

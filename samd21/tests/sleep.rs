@@ -53,13 +53,6 @@ fn a_delay_by_countflag_takes_its_cycles() {
 }
 
 #[test]
-fn clksource_reads_as_one_for_want_of_a_reference_clock() {
-    let mut chip = chip(&code![movs(0, 1), str(0, 3, CSR), ldr(1, 3, CSR), BKPT], &[]);
-    run_to_breakpoint(&mut chip);
-    assert_eq!(chip.registers().r[1], 5);
-}
-
-#[test]
 fn wfi_sleeps_to_the_next_interrupt() {
     let program = code![start_systick(256), WFI, log(1), BKPT];
     let mut chip = chip(&program, &[(SYSTICK, code![log(15), BX_LR])]);

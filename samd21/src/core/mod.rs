@@ -320,7 +320,7 @@ impl Core {
             self.cycle = cycle;
         }
         self.wait_states = u64::from(
-            self.forced_wait_states.unwrap_or_else(|| bus.peripherals.flash_wait_states()),
+            self.forced_wait_states.unwrap_or_else(|| bus.peripherals.nvmctrl.wait_states()),
         );
         if let Some(cause) = bus.peripherals.pending_reset.take() {
             self.reset_request = Some(cause);
@@ -425,11 +425,6 @@ impl Core {
     /// xPSR, without the stack alignment that only a stacked one has.
     fn xpsr(&self) -> u32 {
         self.flags.bits() | u32::from(self.thumb) << 24 | u32::from(self.ipsr)
-    }
-
-    pub(crate) fn request_reset(&mut self, cause: ResetCause) {
-        self.reset_request = Some(cause);
-        self.ask_attention();
     }
 
     pub(crate) fn now(&self) -> Ticks {

@@ -95,7 +95,7 @@ impl Core {
             0xD08 => self.vtor = value & VTOR_MASK,
             0xD0C => {
                 if value >> 16 == VECTKEY && value & SYSRESETREQ != 0 {
-                    self.request_reset(ResetCause::System);
+                    self.reset_request = Some(ResetCause::System);
                 }
             }
             0xD10 => self.scr = value & (SCR_SLEEPONEXIT | SCR_SLEEPDEEP | SCR_SEVONPEND),

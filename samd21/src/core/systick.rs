@@ -129,7 +129,7 @@ impl SysTick {
         }
     }
 
-    /// None once zero is reached: an instruction that waited for the flash may look at the count
+    /// 0 once zero is reached: an instruction that waited for the flash may look at the count
     /// a little later than that, before the timer was advanced.
     fn cycles_left(&self, now: u64, cycle: u64) -> u64 {
         self.zero_at.saturating_sub(now).div_ceil(cycle)

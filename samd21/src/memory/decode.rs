@@ -271,9 +271,9 @@ impl Instruction {
             0x10..=0x17 if list != 0 => Self::transfer(Push, 13, list),
             0x30..=0x33 if list != 0 => Self::transfer(Pop, 13, list),
             0x34..=0x37 => Self::transfer(PopPc, 13, list & 0xFF),
-            // NOP and YIELD.
             _ if op == 0xB672 => Self::new(Cpsid, 0, 0, 0, 0),
             _ if op == 0xB662 => Self::new(Cpsie, 0, 0, 0, 0),
+            // NOP and YIELD.
             _ if op == 0xBF00 || op == 0xBF10 => Self::new(Nop, 0, 0, 0, 0),
             _ => Self::OTHER,
         }

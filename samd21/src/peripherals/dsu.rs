@@ -150,13 +150,9 @@ impl Dsu {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::board::Unconnected;
-    use crate::peripherals::violations::Violations;
 
     fn write(dsu: &mut Dsu, memory: &Memory, now: Ticks, offset: u32, value: u32) -> Write {
-        let mut violations = Violations::default();
-        let mut bus = Bus { now, board: &mut Unconnected, violations: &mut violations };
-        dsu.write(&mut bus, offset, Lanes::word(value), memory, 1 << FRACTION)
+        Bus::alone(now, |bus| dsu.write(bus, offset, Lanes::word(value), memory, 1 << FRACTION))
     }
 
     /// The sum of `length` bytes from `address` on that begins with `data`, and when it is there.

@@ -226,12 +226,9 @@ impl Gclk {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::board::Unconnected;
-    use crate::peripherals::violations::Violations;
 
     fn write(gclk: &mut Gclk, now: Ticks, offset: u32, lanes: Lanes) -> Ticks {
-        let mut bus = Bus { now, board: &mut Unconnected, violations: &mut Violations::default() };
-        gclk.write(&mut bus, offset, lanes).unwrap()
+        Bus::alone(now, |bus| gclk.write(bus, offset, lanes)).unwrap()
     }
 
     fn hz(rate: Option<Rate>) -> f64 {

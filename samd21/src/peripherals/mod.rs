@@ -73,11 +73,11 @@ pub(crate) struct Peripherals {
     options: Options,
     pac: pac::Pac,
     pm: pm::Pm,
-    sysctrl: sysctrl::Sysctrl,
-    gclk: gclk::Gclk,
+    pub(crate) sysctrl: sysctrl::Sysctrl,
+    pub(crate) gclk: gclk::Gclk,
     dsu: dsu::Dsu,
     eic: eic::Eic,
-    nvmctrl: nvmctrl::Nvmctrl,
+    pub(crate) nvmctrl: nvmctrl::Nvmctrl,
     port: port::Port,
     priorities: priorities::Priorities,
     adc: adc::Adc,
@@ -378,11 +378,6 @@ impl Peripherals {
         now
     }
 
-    /// NVMCTRL.CTRLB.RWS.
-    pub(crate) fn flash_wait_states(&self) -> u8 {
-        self.nvmctrl.wait_states()
-    }
-
     /// Hands new clock rates on after a change; false if the CPU is left without a clock.
     fn retime(&mut self, now: Ticks) -> bool {
         self.gclk.resolve(now, &self.sysctrl);
@@ -407,11 +402,6 @@ impl Peripherals {
         true
     }
 
-    /// Whether the CPU has no clock.
-    pub(crate) fn is_stopped(&self) -> bool {
-        self.gclk.main().is_none()
-    }
-
     /// Changes an oscillator.
     pub(crate) fn disturb(&mut self, now: Ticks, change: impl FnOnce(&mut sysctrl::Sysctrl)) {
         change(&mut self.sysctrl);
@@ -429,11 +419,6 @@ impl Peripherals {
     pub(crate) fn set_supply(&mut self, now: Ticks, mv: u32) -> bool {
         self.disturb(now, |sysctrl| sysctrl.bod33.set_supply(mv));
         self.pending_reset.take_if(|cause| *cause == ResetCause::BrownOut33).is_some()
-    }
-
-    /// Whether the brown-out detector holds the chip in reset.
-    pub(crate) fn is_held_in_reset(&self) -> bool {
-        self.sysctrl.bod33.holds_reset()
     }
 
     /// See [`Chip::flip_register`](crate::Chip::flip_register).
@@ -490,7 +475,7 @@ impl Peripherals {
         self.flash_overrun = overrun;
     }
 
-    /// Computes what `next_event` and `irq_lines` return.
+    /// Works out `next` and `irq_lines`, and takes resets that are asked for.
     pub(crate) fn refresh(&mut self, now: Ticks) {
         if self.wdt.take_bite() {
             self.pending_reset = Some(ResetCause::Watchdog);

@@ -290,8 +290,6 @@ impl Nvmctrl {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::board::Unconnected;
-    use crate::peripherals::violations::Violations;
 
     fn nvmctrl(user_row: UserRow) -> Nvmctrl {
         Nvmctrl::new(&Options { user_row, ..Options::default() })
@@ -313,21 +311,13 @@ mod tests {
         }
 
         fn write(&mut self, offset: u32, value: u32) -> Ticks {
-            let mut bus = Bus {
-                now: self.now,
-                board: &mut Unconnected,
-                violations: &mut Violations::default(),
-            };
-            self.nvmctrl.write(&mut bus, offset, Lanes::word(value), &mut self.memory).unwrap()
+            let Self { nvmctrl, memory, now } = self;
+            Bus::alone(*now, |bus| nvmctrl.write(bus, offset, Lanes::word(value), memory)).unwrap()
         }
 
         fn load(&mut self, addr: u32, bytes: u32, value: u32) -> Write {
-            let mut bus = Bus {
-                now: self.now,
-                board: &mut Unconnected,
-                violations: &mut Violations::default(),
-            };
-            self.nvmctrl.load_page_buffer(&mut bus, addr, bytes, value, &mut self.memory)
+            let Self { nvmctrl, memory, now } = self;
+            Bus::alone(*now, |bus| nvmctrl.load_page_buffer(bus, addr, bytes, value, memory))
         }
     }
 

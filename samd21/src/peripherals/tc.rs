@@ -285,8 +285,6 @@ impl Tc {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::board::Unconnected;
-    use crate::peripherals::violations::Violations;
 
     struct Rig {
         tc: Tc,
@@ -301,12 +299,7 @@ mod tests {
         }
 
         fn write(&mut self, offset: u32, lanes: Lanes) -> Write {
-            let mut bus = Bus {
-                now: Ticks(self.now),
-                board: &mut Unconnected,
-                violations: &mut Violations::default(),
-            };
-            self.tc.write(&mut bus, offset, lanes)
+            Bus::alone(Ticks(self.now), |bus| self.tc.write(bus, offset, lanes))
         }
 
         fn half(&mut self, offset: u32, value: u32) -> Ticks {

@@ -12,7 +12,7 @@ fn the_hal_starts_48_mhz_with_and_without_held_synchronisation() {
         assert_eq!(bench.peripherals.cycle, 48 << FRACTION);
         bench.start_clocks();
         assert_eq!(bench.peripherals.cycle, 1 << FRACTION);
-        assert_eq!(bench.peripherals.flash_wait_states(), 1);
+        assert_eq!(bench.peripherals.nvmctrl.wait_states(), 1);
         assert_eq!(bench.peripherals.violations.first, []);
     }
 }
@@ -195,7 +195,7 @@ fn flash_without_a_wait_state_is_noted_above_24_mhz() {
     bench.start_clocks();
     assert_eq!(bench.peripherals.violations.count, 0);
     bench.w32(NVMCTRL + 4, 1 << 7);
-    assert_eq!(bench.peripherals.flash_wait_states(), 0);
+    assert_eq!(bench.peripherals.nvmctrl.wait_states(), 0);
     assert_eq!(bench.peripherals.violations.count, 1);
     assert_eq!(bench.peripherals.violations.first[0].peripheral, "NVMCTRL");
 }
@@ -444,28 +444,6 @@ fn a_switch_interrupts_on_the_edge_that_is_sensed() {
             assert_eq!(bench.peripherals.irq_lines & 1 << 4, 0);
         }
     }
-}
-
-#[test]
-fn a_starved_watchdog_asks_for_a_reset() {
-    const WDT: u32 = 0x4000_1000;
-    let mut bench = Bench::new(Ticks::ZERO, Unconnected);
-    bench.start_clocks();
-    bench.generator(3, 3, 32);
-    bench.route(3, 3);
-    bench.w8(WDT + 1, 4);
-    bench.w8(WDT + 2, 3);
-    bench.w8(WDT + 5, 1);
-    bench.w8(WDT, 2);
-    bench.pass(Ticks::from_ms(75));
-    assert_eq!(bench.peripherals.irq_lines, 1 << 2);
-    assert_eq!(bench.peripherals.pending_reset.take(), None);
-    bench.pass(Ticks::from_ms(60));
-    let cause = bench.peripherals.pending_reset.take();
-    assert_eq!(cause, Some(ResetCause::Watchdog));
-    bench.reset(ResetCause::Watchdog);
-    bench.pass(Ticks::from_ms(200));
-    assert_eq!(bench.peripherals.pending_reset.take(), None);
 }
 
 #[test]

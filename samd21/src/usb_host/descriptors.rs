@@ -6,7 +6,8 @@ const INTERFACE: u8 = 4;
 /// Class-specific, and its subtype of the abstract control model.
 const CLASS_INTERFACE: u8 = 0x24;
 const ACM: u8 = 2;
-/// Line coding and control lines are announced.
+/// bmCapabilities of the abstract control model: line coding and control lines are announced (CDC
+/// PSTN 1.2, 5.3.2).
 const LINES: u8 = 1 << 1;
 const ENDPOINT: u8 = 5;
 const CLASS_CDC: u8 = 0x02;
@@ -30,9 +31,8 @@ pub(super) struct Endpoint {
 pub(super) struct SerialPort {
     /// bConfigurationValue.
     pub(super) configuration: u8,
-    /// bmCapabilities of the abstract control model (CDC PSTN 1.2, 5.3.2): bit 1 announces line
-    /// coding and control lines.
-    pub(super) capabilities: u8,
+    /// The device says that it takes line coding and control lines.
+    pub(super) announces_lines: bool,
     /// The interface that takes class requests.
     pub(super) control_interface: u8,
     /// Notifications, if there are any.
@@ -44,11 +44,6 @@ pub(super) struct SerialPort {
 }
 
 impl SerialPort {
-    /// Whether the device says that it takes line coding and control lines.
-    pub(super) fn announces_lines(&self) -> bool {
-        self.capabilities & LINES != 0
-    }
-
     /// Finds the port in a whole configuration.
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, HostError> {
         let mut port = Self {
@@ -74,7 +69,7 @@ impl SerialPort {
                     }
                 }
                 (CLASS_INTERFACE, [_, _, ACM, capabilities, ..]) => {
-                    port.capabilities = *capabilities;
+                    port.announces_lines = capabilities & LINES != 0;
                 }
                 (ENDPOINT, [_, _, address, attributes, low, high, interval, ..]) => {
                     let endpoint = Endpoint {
@@ -126,7 +121,7 @@ mod tests {
             SerialPort::parse(&CONFIGURATION),
             Ok(SerialPort {
                 configuration: 1,
-                capabilities: 0,
+                announces_lines: false,
                 control_interface: 0,
                 interrupt: Some(Endpoint { number: 1, packet_size: 8, interval_ms: 255 }),
                 bulk_in: bulk(2),

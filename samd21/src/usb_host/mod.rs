@@ -231,7 +231,7 @@ impl Host {
     /// Line coding or lines change, if the port is there and the system sends that.
     fn ask_lines(&mut self, requests: &[Request]) {
         let sent = !self.system.heeds_capabilities()
-            || self.session.port.is_some_and(|port| port.announces_lines());
+            || self.session.port.is_some_and(|port| port.announces_lines);
         if self.session.configured && sent {
             self.quiet_until = Ticks::ZERO;
             self.session.requests.extend(requests);

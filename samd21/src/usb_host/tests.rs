@@ -189,15 +189,10 @@ impl Device {
                 configuration[26] = self.capabilities;
                 configuration
             }
-            (0x80, 6, 6 | 15) => {
-                self.bench.w8(endpoint(0) + 5, 0x20);
-                return;
-            }
-            (0x80, 6, 3) if value == 0x03EE => {
-                self.bench.w8(endpoint(0) + 5, 0x20);
-                return;
-            }
-            (0x80, 6, 3) if self.refuses_strings => {
+            (0x80, 6, kind)
+                if matches!(kind, 6 | 15)
+                    || kind == 3 && (value == 0x03EE || self.refuses_strings) =>
+            {
                 self.bench.w8(endpoint(0) + 5, 0x20);
                 return;
             }

@@ -120,10 +120,8 @@ fn the_i2c_lines_are_wired_and() {
 #[test]
 fn routing_a_tc_to_a_pin_is_refused() {
     let mut port = Port::default();
-    let mut bus =
-        Bus { now: Ticks(0), board: &mut Unconnected, violations: &mut Violations::default() };
     let lanes = configuration(18, 4, 1);
-    assert!(port.write(&mut bus, 0x28, lanes).is_err());
+    assert!(Bus::alone(Ticks(0), |bus| port.write(bus, 0x28, lanes)).is_err());
 }
 
 #[test]

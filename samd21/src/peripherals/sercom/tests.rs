@@ -1,5 +1,5 @@
 use super::*;
-use crate::board::{I2cCut, I2cEvent, I2cReply, Pin};
+use crate::board::{I2cCut, I2cEvent, I2cReply};
 use crate::peripherals::violations::Violations;
 
 const IDLE: u16 = 1 << 4;
@@ -73,12 +73,6 @@ impl Board for Slave {
 
     fn i2c_glitch(&mut self, _now: Ticks) -> bool {
         self.glitch
-    }
-
-    fn pin(&mut self, _now: Ticks, _pin: Pin, _level: bool) {}
-
-    fn input(&self, _now: Ticks, _pin: Pin) -> Option<bool> {
-        None
     }
 }
 
@@ -518,16 +512,6 @@ fn other_modes_and_sercoms_without_the_buss_pads_do_not_reach_the_bus() {
     rig.pass(Ticks::from_ms(1));
     assert_eq!((rig.flags(), rig.slave.log.len()), (MB, 0));
     assert_eq!(rig.sercom.status & RXNACK, RXNACK);
-}
-
-#[test]
-fn a_clone_goes_its_own_way() {
-    let mut rig = Rig::ready();
-    rig.write(0x24, 0x29 << 1);
-    let copy = rig.sercom.clone();
-    rig.wait();
-    assert_eq!(copy.interrupts.flags, 0);
-    assert_eq!(rig.flags(), MB);
 }
 
 /// 115,200 baud at 48 MHz: BAUD 63,019 makes a bit of 416.6 cycles, as drivers compute it. Two
