@@ -7,9 +7,10 @@
 
 use std::error::Error;
 
-use rig::flight::{FlightError, Gains};
+use rig::flight::FlightError;
 use rig::image::build;
 use rig::{Image, Ready, ServoKind, Setup, Ticks, prepare};
+use tvc_nano::Axis;
 
 const START_RAD: f64 = 0.4;
 const RATE_RAD_S: f64 = 0.2;
@@ -26,14 +27,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// The vehicle in standby, with the PD law where gains are given.
-fn standby(image: &Image, gains: Option<Gains>) -> Result<Ready, FlightError> {
-    let setup = Setup { gains, ..Setup::with_polarity(ServoKind::S3003, 1) };
+/// The vehicle in standby, with these parameters.
+fn standby(image: &Image, parameters: &[(&str, f32)]) -> Result<Ready, FlightError> {
+    let mut setup = Setup::with_polarity(ServoKind::S3003, 1);
+    setup.parameters = parameters.iter().map(|(name, value)| ((*name).into(), *value)).collect();
     prepare(image, &setup, &mut |_| ())
 }
 
 fn ticks(image: &Image) -> Result<(), Box<dyn Error>> {
-    let Ready { mut rig, mut station, .. } = standby(image, None)?;
+    let Ready { mut rig, mut station, .. } = standby(image, &[])?;
     rig.environment.tilt_clamp_to([START_RAD, 0.0]);
     station.run(&mut rig, Ticks::from_secs_f64(5.0))?;
     station.arm(&mut rig)?;
@@ -41,7 +43,7 @@ fn ticks(image: &Image) -> Result<(), Box<dyn Error>> {
     let released = rig.now();
     station.run(&mut rig, Ticks::from_secs_f64(1.0))?;
     let truth = rig.truth();
-    let pulses = truth.pulses_since(released + Ticks::from_secs_f64(AFTER_S));
+    let pulses = truth.pulses_since(Axis::Pitch, released + Ticks::from_secs_f64(AFTER_S));
     let begin_ms = pulses.first().ok_or("no pulse")?.rise.as_us_f64() / 1e3;
     println!("what,start_ms,end_ms");
     let show = |what: &str, start: Ticks, end: Ticks| {
@@ -61,9 +63,9 @@ fn ticks(image: &Image) -> Result<(), Box<dyn Error>> {
 fn laws(image: &Image) -> Result<(), Box<dyn Error>> {
     println!("law,time_s,pitch_deg");
     // The thesis' gains.
-    let pd = Gains { kp: 1.9, kd: 0.435 };
-    for (law, gains) in [("PD", Some(pd)), ("switching surface", None)] {
-        let flight = standby(image, gains)?.fly(START_RAD, RATE_RAD_S, 1.5, &mut |_| ())?;
+    let pd = [("PID_LAW", 0.0), ("PID_KP", 1.9), ("PID_KD", 0.435)];
+    for (law, parameters) in [("PD", &pd[..]), ("switching surface", &[])] {
+        let flight = standby(image, parameters)?.fly(START_RAD, RATE_RAD_S, 1.5, &mut |_| ())?;
         for motion in flight.motion.iter().step_by(10) {
             let time_s = motion.time.saturating_sub(flight.released).as_secs_f64();
             println!("{law},{time_s:.3},{:.3}", motion.tilt_rad[0].to_degrees());

@@ -18,7 +18,7 @@
 //! | [`image`] | builds the firmware and reads its ELF file |
 //! | [`Rig`] | chip, environment and [`bootloader`] together |
 //! | [`mod@bench`] | sensor, servo, drone, clamp; what disturbs them ([`disturbance`]); the sensor moved by hand ([`sensor_motion`]) |
-//! | [`bno055`] | the sensor at register level, with its faults |
+//! | [`bno055`], [`lsm6ds3`] | the sensors at register level, with their faults; [`inertial`] has the errors of their signals |
 //! | [`observe`] | what really happened ([`ground_truth`]), and timing figures of it ([`measure`]) |
 //! | [`fly`] | flights ([`flight`]), campaigns of faults ([`faults`]), recordings through the image ([`replay`]), the person at the rig ([`pilot`], [`attended`]) and what is done by hand ([`action`]), and on Unix real time behind a pseudo-terminal (`real_time`, `pty`) with a socket for actions (`control`) |
 //! | [`ground_station`] | the MAVLink client at the USB port |

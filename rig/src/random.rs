@@ -7,11 +7,11 @@ use rand_chacha::ChaCha8Rng;
 /// What a stream of random numbers is for.
 #[derive(Clone, Copy, Debug)]
 pub enum Stream {
-    /// Properties of the sensor that stay: bias, clock error, boot time, unique id.
+    /// Properties of the sensor that stay: bias, clock error, phases of its refreshes, unique id.
     SensorUnit = 1,
     /// Noise of the sensor's signals.
     SensorNoise = 2,
-    /// Clock stretching and disturbed bytes on the I2C bus.
+    /// Clock stretching, disturbed bytes on the I2C bus, and how long the sensor boots.
     Bus = 3,
     /// The moment at which the drone is released.
     Release = 4,

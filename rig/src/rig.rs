@@ -500,20 +500,6 @@ pub(crate) mod tests {
         assert_eq!(rig.resets()[0].1, ResetCause::External);
     }
 
-    #[test]
-    fn a_second_reset_within_the_window_stays_until_power_is_cut() {
-        let mut rig = Rig::new(&counter(), &RigConfig::default()).unwrap();
-        rig.run_for(ms(10)).unwrap();
-        rig.brown_out();
-        rig.run_for(ms(300)).unwrap();
-        rig.brown_out();
-        rig.run_for(ms(3000)).unwrap();
-        assert!(rig.in_bootloader());
-        rig.power_cycle();
-        rig.run_for(ms(1)).unwrap();
-        assert!(!rig.in_bootloader());
-    }
-
     /// The user row's level is 1.75 V, without hysteresis.
     #[test]
     fn a_low_supply_holds_the_chip_in_reset() {

@@ -60,7 +60,7 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     station.run(rig, ms(750)).unwrap();
 
     // From 100 ms on, every pulse is neutral.
-    let pulses = rig.truth().pulses_since(at);
+    let pulses = rig.truth().pulses_since(Axis::Pitch, at);
     assert_pulses_went_on(pulses, ms(1000));
     for pulse in pulses.iter().filter(|p| p.rise >= at + ms(100)) {
         assert!(
@@ -250,7 +250,7 @@ fn a_hung_loop_is_reset_and_told() {
     assert!(default_neutral_us().contains(&last.width_us()), "{}", last.width_us());
     // The bootloader costs half a second, then pulses are back and the reason is told.
     station.run(rig, ms(600)).unwrap();
-    let back = rig.truth().pulses_since(fired)[0];
+    let back = rig.truth().pulses_since(Axis::Pitch, fired)[0];
     assert!(back.rise - fired < ms(600), "{}", back.rise - fired);
     assert!(default_neutral_us().contains(&back.width_us()));
     station.connect(rig).unwrap();
@@ -285,7 +285,7 @@ fn a_jump_to_the_start_spoils_no_pulse() {
         registers.r[15] = u32::from_le_bytes(start) & !1;
         rig.chip.set_registers(&registers);
         station.run(rig, ms(600)).unwrap();
-        let pulses = rig.truth().pulses_since(at - ms(3));
+        let pulses = rig.truth().pulses_since(Axis::Pitch, at - ms(3));
         assert!(pulses.len() > 2, "{} pulses", pulses.len());
         for pulse in pulses {
             let is_neutral = default_neutral_us().contains(&pulse.width_us());
@@ -319,7 +319,8 @@ fn an_interrupt_that_hangs_does_not_hold_the_rudder() {
         assert_eq!(cause, ResetCause::System, "{handler}");
         assert!(reset < at + ms(220), "{handler}, {without_watchdog}: {}", reset - at);
         let warned = at + ms(65);
-        let pulses = rig.truth().pulses_since(warned).iter().filter(|pulse| pulse.fall < reset);
+        let pulses =
+            rig.truth().pulses_since(Axis::Pitch, warned).iter().filter(|pulse| pulse.fall < reset);
         let last =
             rig.truth().pulses_of(Axis::Pitch).iter().rfind(|pulse| pulse.fall < reset).unwrap();
         for pulse in pulses.filter(|pulse| pulse.rise > warned + ms(20)).chain([last]) {
@@ -433,7 +434,7 @@ fn hang_overflow_and_hard_fault_command_the_held_neutral() {
         station.run(rig, ms(1200)).unwrap();
         assert_eq!(rig.resets().len(), 1, "{end:?}");
         let (reset, _) = rig.resets()[0];
-        let pulses = rig.truth().pulses_since(at);
+        let pulses = rig.truth().pulses_since(Axis::Pitch, at);
         let (before, after): (Vec<&Pulse>, Vec<&Pulse>) =
             pulses.iter().partition(|p| p.fall < reset);
         let last = before.last().unwrap().width_us();
@@ -458,7 +459,7 @@ fn a_laptop_that_stops_reading_or_goes_away_disturbs_nothing() {
     station.run(rig, ms(1000)).unwrap();
     rig.chip.usb_host.attach();
     station.run(rig, ms(1000)).unwrap();
-    assert_pulses_went_on(rig.truth().pulses_since(at), ms(3000));
+    assert_pulses_went_on(rig.truth().pulses_since(Axis::Pitch, at), ms(3000));
     let pitch = rig.environment.vehicle().pitch_rad();
     assert!(pitch.abs() < 0.03, "{pitch}");
     let steps = rig.truth().steps.iter().filter(|s| s.start >= at).count();
@@ -502,7 +503,7 @@ fn a_lock_up_in_the_check_of_the_image_leaves_the_rudder_at_neutral() {
     assert_eq!(resets, [ResetCause::Watchdog, ResetCause::Watchdog, ResetCause::System]);
     assert!(rig.in_bootloader());
     let (first, _) = rig.resets()[0];
-    let behind = rig.truth().pulses_since(first);
+    let behind = rig.truth().pulses_since(Axis::Pitch, first);
     assert!(behind[0].rise - at < ms(800), "{}", behind[0].rise - at);
     assert!((30..38).contains(&behind.len()), "{}", behind.len());
     let neutral = default_neutral_us();
@@ -544,7 +545,7 @@ fn refuses_to_start(mut flight: Ready, place: u32, bit: u8) {
     station.run(rig, ms(2000)).unwrap();
     assert!(rig.in_bootloader());
     // Long enough for the servo to get there.
-    let pulses = rig.truth().pulses_since(at);
+    let pulses = rig.truth().pulses_since(Axis::Pitch, at);
     assert!((30..34).contains(&pulses.len()), "{}", pulses.len());
     let neutral = default_neutral_us();
     assert!(pulses.iter().all(|pulse| neutral.contains(&pulse.width_us())));

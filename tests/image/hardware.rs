@@ -66,7 +66,7 @@ fn settings_are_verified_on_a_slow_bus() {
         rig.inject(Fault::SwappedAxes);
         station.run(rig, ms(300)).unwrap();
         assert_eq!(station.state(), Some(StateKind::Failsafe), "{hardware}");
-        for pulse in rig.truth().pulses_since(at + ms(150)) {
+        for pulse in rig.truth().pulses_since(Axis::Pitch, at + ms(150)) {
             assert!(default_neutral_us().contains(&pulse.width_us()), "{hardware}: {pulse:?}");
         }
     }

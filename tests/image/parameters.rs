@@ -7,6 +7,7 @@ use client::{Failure, Frame, StateKind, Wire, request};
 use rig::ground_station::{GroundStation, GroundStationError};
 use rig::measure::LoopTiming;
 use rig::{Ready, Rig};
+use tvc_nano::Axis;
 use tvc_nano::store::SLOT_BYTES;
 
 /// Where the image keeps them.
@@ -36,7 +37,7 @@ fn saved_parameters_outlive_the_power_and_the_pulses_go_on_meanwhile() {
     let at = rig.now();
     station.order(rig, request::SAVE).unwrap();
     station.run(rig, ms(300)).unwrap();
-    let pulses = rig.truth().pulses_since(at);
+    let pulses = rig.truth().pulses_since(Axis::Pitch, at);
     assert_pulses_went_on(pulses, rig.now() - at);
     let neutral = default_neutral_us();
     assert!(pulses.iter().all(|p| neutral.contains(&p.width_us())));

@@ -363,7 +363,7 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
     let control = link.as_mut().and_then(|link| link.control.take());
     let speed = choice.speed.unwrap_or(1.0);
     let debugger = options.gdb.map(debugger).transpose()?;
-    let mut running = RealTime::new(attended, cable, control, speed).with_debugger(debugger);
+    let mut running = RealTime::new(attended, cable, control, debugger, speed);
     let longest = options.seconds.map(Duration::from_secs_f64);
     let mut report = |at_s: f64, line: &str| eprintln!("{at_s:9.3} s  {line}");
     let mut plugged = |path: &Path| {

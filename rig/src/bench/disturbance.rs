@@ -345,7 +345,7 @@ impl FromStr for ThrustRamp {
     }
 }
 
-/// The sensor warms up from power-on, and its offsets drift on every axis alike.
+/// The BNO055 warms up from power-on, and its offsets drift on every axis alike.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Temperature {

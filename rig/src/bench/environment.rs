@@ -1,5 +1,5 @@
 //! Everything outside the chip: the sensor on the drone, the drone on its pivot, the servo, the
-//! clamp, and the logic analyser that records what really happens.
+//! clamp, the second sensor on the board, and the logic analyser that records what really happens.
 //!
 //! ```text
 //!   I2C          -- BNO055 at the pivot, x forward, z down

@@ -55,10 +55,7 @@ impl Bno055 {
     pub fn inject(&mut self, now: Ticks, fault: Fault) {
         self.run(now);
         match fault {
-            Fault::ConfigReset => {
-                self.reset_registers();
-                self.power = Power::On;
-            }
+            Fault::ConfigReset => self.reset_registers(),
             // Without a cable there is no power to come back.
             Fault::PowerDip if self.faults.has(FaultKind::Unplugged) => {}
             Fault::PowerDip => self.boot(now),

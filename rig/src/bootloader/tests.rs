@@ -101,9 +101,9 @@ fn each_knows_its_own_word_only() {
 
 #[test]
 fn two_taps_stay() {
-    for bootloader in [Bootloader::Arduino, Bootloader::Uf2] {
+    for bootloader in [Bootloader::Even, Bootloader::Arduino, Bootloader::Uf2] {
         let mut rig = started(bootloader);
-        rig.press_reset();
+        rig.brown_out();
         rig.run_for(Ticks::from_ms(300)).unwrap();
         rig.press_reset();
         assert_eq!(image_after(&mut rig), None, "{bootloader:?}");

@@ -35,7 +35,7 @@ pub const HELP: [(&str, &str); 21] = [
     ),
     (
         "fault KIND [KEY=VALUE ...]",
-        "a fault of docs/reference/faults.md from now on; keys: for_s, probability, stretch_ms, clocks",
+        "a fault of the BNO055 (docs/reference/faults.md) from now on; keys: for_s, probability, stretch_ms, clocks",
     ),
     ("clear KIND|all", "ends a fault"),
     ("vibration ACC,HZ[,...]|off", "as --vibration of tvc rig"),

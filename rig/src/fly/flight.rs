@@ -31,21 +31,6 @@ pub(super) const ARM_PATIENCE: Ticks = Ticks::from_ms(8000);
 /// How often progress is reported.
 const PROGRESS: Ticks = Ticks::from_ms(20);
 
-/// Gains of proportional-derivative control, the law of the thesis: servo angle
-/// for pitch (rad/rad) and for pitch rate (s).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Gains {
-    /// Servo rad per rad of pitch.
-    pub kp: f32,
-    /// Servo rad per rad/s of pitch rate.
-    pub kd: f32,
-}
-
-impl Gains {
-    /// `PID_LAW` of the law that they are for.
-    const LAW: f32 = 0.0;
-}
-
 /// The configuration of a flight: rig, servo and parameters.
 #[derive(Clone, Debug)]
 pub struct Setup {
@@ -53,9 +38,7 @@ pub struct Setup {
     pub rig: RigConfig,
     /// The servo, for the parameters that the image needs.
     pub servo: ServoKind,
-    /// Gains sent to the image in place of the servo's own.
-    pub gains: Option<Gains>,
-    /// More parameters sent to the image, by name.
+    /// Parameters sent to the image behind the servo's, by name.
     pub parameters: Vec<(String, f32)>,
 }
 
@@ -68,7 +51,6 @@ impl Setup {
         Self {
             rig: RigConfig { seed, bench, stored, ..RigConfig::default() },
             servo,
-            gains: None,
             parameters: Vec::new(),
         }
     }
@@ -83,9 +65,6 @@ pub enum FlightError {
     /// The image did not answer as it should.
     #[error(transparent)]
     GroundStation(#[from] GroundStationError),
-    /// The flight gives no figures.
-    #[error("no response to measure: {0}")]
-    Response(#[from] ResponseError),
 }
 
 /// What a flight gives, or why there is none.
@@ -130,10 +109,10 @@ pub struct Ready {
     seed: u64,
 }
 
-/// Numbers of the messages that should have come with every control step or sample and did not.
+/// Numbers of the messages that should have come with every control step or burst and did not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Missing {
-    /// Control steps without their attitude.
+    /// Bursts without their attitude.
     pub attitudes: usize,
     /// Control steps without their servo output.
     pub servos: usize,
@@ -254,11 +233,6 @@ fn boot(image: &Image, setup: &Setup) -> Flown<Ready> {
     station.connect(rig)?;
     for (name, value) in setup.servo.parameters() {
         station.set_parameter(rig, name, *value)?;
-    }
-    if let Some(gains) = setup.gains {
-        station.set_parameter(rig, "PID_LAW", Gains::LAW)?;
-        station.set_parameter(rig, "PID_KP", gains.kp)?;
-        station.set_parameter(rig, "PID_KD", gains.kd)?;
     }
     for (name, value) in &setup.parameters {
         station.set_parameter(rig, name, *value)?;
@@ -423,8 +397,8 @@ impl Ready {
             released: window.start,
             timing: LoopTiming::over(truth, window.clone()),
             missing: missing(&self.rig, &received, &window),
-            pulses: truth.pulses_since(window.start).to_vec(),
-            roll_pulses: truth.pulses_of(Axis::Roll).to_vec(),
+            pulses: truth.pulses_since(Axis::Pitch, window.start).to_vec(),
+            roll_pulses: truth.pulses_since(Axis::Roll, window.start).to_vec(),
             waves: truth.waves.clone(),
             motion,
             link: self.station.counts(),
@@ -439,7 +413,7 @@ impl Ready {
     }
 }
 
-/// Every control step reports its attitude and servo output, every burst its counts. The offset of
+/// Every control step reports its servo output, every burst its attitude and counts. The offset of
 /// the image's clock from the rig's follows from the bursts and the samples that report them.
 fn missing(rig: &Rig, received: &Received, window: &Range<Ticks>) -> Missing {
     let truth = rig.truth();
@@ -448,7 +422,7 @@ fn missing(rig: &Rig, received: &Received, window: &Range<Ticks>) -> Missing {
     let bursts = truth.bursts.iter().filter(|burst| within(&burst.start));
     let Some(offset) = clock_offset_us(rig, received, false) else {
         return Missing {
-            attitudes: steps.clone().count(),
+            attitudes: bursts.clone().count(),
             servos: steps.count(),
             samples: bursts.count(),
         };

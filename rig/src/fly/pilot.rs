@@ -198,6 +198,14 @@ impl Pilot {
             {
                 return Err("this drone only pitches: tvc rig --vehicle drone2".into());
             }
+            Action::Push(_)
+            | Action::Gust(..)
+            | Action::ServoSupply(Some(_))
+            | Action::ThrustRamp(Some(_))
+                if matches!(rig.environment.vehicle(), Vehicle::Rocket(_)) =>
+            {
+                return Err("that disturbs a drone; what a rocket meets is in its file".into());
+            }
             Action::Tilt(axis, rad) => {
                 self.start_rad[axis.index()] = *rad;
                 rig.environment.tilt_clamp_to(self.start_rad);

@@ -87,8 +87,14 @@ pub struct RealTime {
 
 impl RealTime {
     /// A rig whose port no program has opened yet, and whose clock runs `speed` times as fast as
-    /// real time. With `control`, other programs act on it.
-    pub fn new(mut attended: Attended, cable: Cable, control: Option<Control>, speed: f64) -> Self {
+    /// real time. With `control`, other programs act on it, and a debugger may look at it.
+    pub fn new(
+        mut attended: Attended,
+        cable: Cable,
+        control: Option<Control>,
+        debugger: Option<gdb::Server>,
+        speed: f64,
+    ) -> Self {
         let (pty, network) = match cable {
             Cable::Terminal(pty) => (Some(pty), None),
             Cable::Network(server) => (None, Some(server)),
@@ -100,18 +106,13 @@ impl RealTime {
             pty,
             network,
             control,
-            debugger: None,
+            debugger,
             open: false,
             baud: None,
             outgoing: Vec::new(),
             speed,
             summary: Summary::default(),
         }
-    }
-
-    /// The same, which a debugger may look at.
-    pub fn with_debugger(self, debugger: Option<gdb::Server>) -> Self {
-        Self { debugger, ..self }
     }
 
     /// Runs until `stop` is set or `longest` is over. `report` gets lines to show to a person, with

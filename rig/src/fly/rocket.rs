@@ -78,41 +78,6 @@ impl Conditions {
         turbulence_m_s: 1.5,
         ..Self::CALM
     };
-
-    /// These with all directions from a seed, for a rocket in calm air.
-    fn on_pad(&self, seed: u64, airframe: &Airframe) -> RocketConfig {
-        let mut dice = generator(seed, Stream::Ascent);
-        let mut direction = |size: f64| {
-            let (sin, cos) = dice.random_range(0.0..TAU).sin_cos();
-            [cos * size, sin * size]
-        };
-        let start_rad = direction(self.rail_tilt_rad);
-        let misalignment_rad = direction(self.misalignment_rad);
-        let [wind_north, wind_east] = direction(self.wind_m_s);
-        let [gust_north, gust_east] = direction(self.gust_m_s);
-        let kicks = self.kicks_s.map(|at_s| Kick { at_s, rates_rad_s: direction(self.kick_rad_s) });
-        let gust = Gust {
-            from_m: self.gust_from_m,
-            depth_m: self.gust_depth_m,
-            peak_m_s: [gust_north, gust_east, 0.0],
-        };
-        let (rms_m_s, length_m) = (self.turbulence_m_s, self.turbulence_length_m);
-        RocketConfig {
-            parameters: AscentParameters {
-                misalignment_rad,
-                rail_m: self.rail_m,
-                wind: Wind {
-                    steady_m_s: [wind_north, wind_east, 0.0],
-                    gust: Some(gust),
-                    turbulence: Some(Turbulence { rms_m_s, length_m, seed }),
-                },
-                ..airframe.parameters
-            },
-            start_rad,
-            kicks: kicks.to_vec(),
-            shaft_per_gimbal: airframe.mounting.shaft_per_gimbal,
-        }
-    }
 }
 
 /// How sensor and actuators sit in a rocket.
@@ -215,7 +180,38 @@ impl Airframe {
 
     /// The rocket on its pad, with all directions of what it meets from a seed.
     pub fn on_pad(&self, seed: u64) -> RocketConfig {
-        self.conditions.on_pad(seed, self)
+        let mut dice = generator(seed, Stream::Ascent);
+        let met = &self.conditions;
+        let mut direction = |size: f64| {
+            let (sin, cos) = dice.random_range(0.0..TAU).sin_cos();
+            [cos * size, sin * size]
+        };
+        let start_rad = direction(met.rail_tilt_rad);
+        let misalignment_rad = direction(met.misalignment_rad);
+        let [wind_north, wind_east] = direction(met.wind_m_s);
+        let [gust_north, gust_east] = direction(met.gust_m_s);
+        let kicks = met.kicks_s.map(|at_s| Kick { at_s, rates_rad_s: direction(met.kick_rad_s) });
+        let gust = Gust {
+            from_m: met.gust_from_m,
+            depth_m: met.gust_depth_m,
+            peak_m_s: [gust_north, gust_east, 0.0],
+        };
+        let (rms_m_s, length_m) = (met.turbulence_m_s, met.turbulence_length_m);
+        RocketConfig {
+            parameters: AscentParameters {
+                misalignment_rad,
+                rail_m: met.rail_m,
+                wind: Wind {
+                    steady_m_s: [wind_north, wind_east, 0.0],
+                    gust: Some(gust),
+                    turbulence: Some(Turbulence { rms_m_s, length_m, seed }),
+                },
+                ..self.parameters
+            },
+            start_rad,
+            kicks: kicks.to_vec(),
+            shaft_per_gimbal: self.mounting.shaft_per_gimbal,
+        }
     }
 
     /// Times of the schedule's rows, s.

@@ -371,22 +371,4 @@ mod tests {
         assert!((sigma / expected - 1.0).abs() < 0.1, "{sigma} against {expected}");
         assert!(mean.abs() < 0.02, "{mean}");
     }
-
-    #[test]
-    fn magnetometer_keeps_its_own_rate() {
-        let mut chain = chain(ImuErrors { mag_noise_ut: 1.0, ..ImuErrors::NONE });
-        let settings = reset_settings();
-        let mut changes = 0;
-        let mut last = [0.0; 3];
-        for i in 1..=2000 {
-            let now = Ticks::from_us(500 * i);
-            chain.sense(now, &Stimulus::REST, &settings);
-            if i % 20 == 0 {
-                let mag = chain.refresh(now, &settings).unwrap().mag_ut;
-                changes += u32::from(mag != last);
-                last = mag;
-            }
-        }
-        assert!((9..=11).contains(&changes), "{changes} conversions in 1 s at 10 Hz");
-    }
 }

@@ -74,7 +74,7 @@ pub struct High {
 }
 
 /// A burst that read all data of the sensor, or the rates alone, seen on the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Burst {
     /// The sensor.
     pub sensor: Kind,
@@ -150,9 +150,9 @@ impl GroundTruth {
         &self.motion[self.motion.partition_point(|m| m.time < from)..]
     }
 
-    /// Pulses of the first servo that rose at `from` or later.
-    pub fn pulses_since(&self, from: Ticks) -> &[Pulse] {
-        let pulses = self.pulses_of(Axis::Pitch);
+    /// Pulses of an axis' servo that rose at `from` or later.
+    pub fn pulses_since(&self, axis: Axis, from: Ticks) -> &[Pulse] {
+        let pulses = self.pulses_of(axis);
         &pulses[pulses.partition_point(|p| p.rise < from)..]
     }
 }

@@ -154,14 +154,12 @@ mod tests {
             let overflow = 20_000 * (frame + 1);
             for begin in [overflow - 17_000, overflow - 7_000] {
                 truth.bursts.push(Burst {
-                    sensor: Kind::Bno055,
                     start: us(begin),
                     acknowledged: us(begin + 23),
                     end: us(begin + 4300),
                     refresh: Refresh { at: us(begin - 2000), recorded: None },
-                    words: [0; 9],
                     valid: true,
-                    alone: false,
+                    ..Burst::default()
                 });
                 truth.steps.push(Step { start: us(begin + 4310), end: us(begin + 5310) });
             }

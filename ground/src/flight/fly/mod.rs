@@ -34,8 +34,9 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     let recording = options.recording.as_deref().map(recording::open).transpose()?;
     let scenario = faults::read(options.faults.as_deref(), options.seed, flights::FLIGHT_S)?;
     let vehicle = options.vehicle.read(options.servo)?;
+    let disturbances = options.disturb.over(scenario.disturbances);
     if vehicle.kind == Rocket {
-        rocket::check(options)?;
+        rocket::check(options, &disturbances)?;
     }
     if options.vcd.is_some() && vehicle.kind != Drone {
         bail!(BadInput::new("--vcd is for --vehicle drone"));
@@ -44,7 +45,7 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     let image = options.image.image()?;
     setup.rig.bench.faults = scenario.faults;
     setup.rig.bench.waves = options.vcd.is_some();
-    setup.rig.bench.disturbances = options.disturb.over(scenario.disturbances);
+    setup.rig.bench.disturbances = disturbances;
     let flying = Flying { image: &image, setup: &setup, options, vehicle: &vehicle };
     let [seeds, dispersed] = [options.seeds, options.dispersed].map(|n| n.map(NonZeroU32::get));
     let (figures, page) = match (vehicle.kind, dispersed, seeds) {
@@ -62,8 +63,11 @@ pub fn run(options: &Fly) -> Result<Verdict> {
 }
 
 fn setup(options: &Fly, vehicle: &Vehicle) -> Result<Setup> {
-    let mut setup =
-        Setup { gains: options.gains, ..Setup::with_polarity(options.servo, options.seed) };
+    let mut setup = Setup::with_polarity(options.servo, options.seed);
+    if let Some((kp, kd)) = options.gains {
+        let law = [("PID_LAW", 0.0), ("PID_KP", kp), ("PID_KD", kd)];
+        setup.parameters = law.map(|(name, value)| (name.to_owned(), value)).to_vec();
+    }
     if let (VehicleKind::Rocket, Some(path)) = (vehicle.kind, &options.params) {
         let rows = param_file::read(path)?.rows.into_iter();
         setup.parameters = rows.map(|row| (row.name, row.value)).collect();

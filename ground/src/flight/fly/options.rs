@@ -5,7 +5,6 @@ use crate::flight::sensor::SensorOption;
 use crate::image::ImageOption;
 use ::rig::ServoKind;
 use ::rig::disturbance::Disturbances;
-use ::rig::flight::Gains;
 use clap::Args;
 use design::vehicle::VehicleChoice;
 use report::arguments::number;
@@ -65,7 +64,7 @@ pub struct Fly {
 
     /// PID gains, rad of servo per rad and per rad/s [default: the servo's].
     #[arg(long, value_name = "KP,KD", allow_negative_numbers = true, value_parser = gains)]
-    pub gains: Option<Gains>,
+    pub gains: Option<(f32, f32)>,
 
     /// Firmware parameters, as `tvc tune` and `tvc param dump` write them.
     #[arg(long, value_name = "FILE.param", conflicts_with = "gains")]
@@ -135,7 +134,7 @@ fn filter(text: &str) -> Result<FilterKind, String> {
     })
 }
 
-fn gains(text: &str) -> Result<Gains, String> {
+fn gains(text: &str) -> Result<(f32, f32), String> {
     let parsed = text
         .split_once(',')
         .and_then(|(kp, kd)| Some((kp.trim().parse().ok()?, kd.trim().parse().ok()?)));
@@ -144,7 +143,7 @@ fn gains(text: &str) -> Result<Gains, String> {
     let mut params = Params::default();
     let set = params.set("PID_KP", kp).and_then(|_| params.set("PID_KD", kd));
     set.map_err(|error| error.to_string())?;
-    Ok(Gains { kp, kd })
+    Ok((kp, kd))
 }
 
 #[cfg(test)]
@@ -162,7 +161,7 @@ mod tests {
 
     #[test]
     fn gains_are_two_numbers() {
-        assert_eq!(gains("0.9, 0.25"), Ok(Gains { kp: 0.9, kd: 0.25 }));
+        assert_eq!(gains("0.9, 0.25"), Ok((0.9, 0.25)));
         for bad in ["1", "1,", "1,x", "-1,0.3", "1,NaN", "1,2,3"] {
             assert!(gains(bad).is_err(), "{bad}");
         }

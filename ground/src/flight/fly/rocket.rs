@@ -4,6 +4,7 @@
 use anyhow::{Context, Result, bail};
 use maud::Markup;
 use rig::bench::{RocketConfig, VehicleConfig, ZERO_RUDDER_US};
+use rig::disturbance::Disturbances;
 use rig::flight::FlightRecord;
 use rig::ground_truth::Pulse;
 use rig::rocket::{self, Airframe, Conditions, RocketLaw};
@@ -121,11 +122,20 @@ struct Run<'a> {
     path: Vec<(f64, f64)>,
 }
 
-/// Options that have no meaning for a rocket are refused by name.
+/// Options and disturbances that have no meaning for a rocket are refused by name.
 ///
 /// # Errors
 /// [`BadInput`], with what there is instead.
-pub fn check(options: &Fly) -> Result<()> {
+pub fn check(options: &Fly, disturbances: &Disturbances) -> Result<()> {
+    let given = [
+        ("thrust ramp", disturbances.thrust_ramp.is_some()),
+        ("supply of a servo", disturbances.servo_supply.is_some()),
+    ];
+    if let Some((name, _)) = given.into_iter().find(|(_, is_given)| *is_given) {
+        bail!(BadInput::new(format!(
+            "a {name} disturbs a drone; what a rocket meets is in `[conditions]` of its file"
+        )));
+    }
     let given = [
         ("--servo", options.servo != ServoKind::S3003),
         ("--start", options.start.is_some()),

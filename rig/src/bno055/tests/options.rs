@@ -186,6 +186,7 @@ fn the_other_address_does_all_the_same() {
         let read = true;
         let wrong = I2cEvent::Start { address: other, read };
         assert_eq!(bus.event(wrong), I2cReply::NAK);
+        assert_eq!(bus.event(I2cEvent::Read), I2cReply::NAK);
         bus.event(I2cEvent::Stop);
         bus.chip.inject(bus.now, Fault::Naks { probability: 1.0 });
         assert!(!bus.write(page0::CHIP_ID, &[]));

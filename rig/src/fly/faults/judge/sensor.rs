@@ -116,9 +116,7 @@ mod tests {
     use super::super::tests::{ACTIVE, FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
     use super::*;
     use crate::ground_station::Heartbeat;
-    use crate::inertial::Refresh;
     use crate::observe::ground_truth::{Burst, GroundTruth, Step};
-    use tvc_nano::sensor::Kind;
     use tvc_nano::{Axis, Params};
 
     /// A second of flight after a fault at 0: a step every 10 ms on a burst that is valid or not, a
@@ -127,14 +125,11 @@ mod tests {
         let mut truth = GroundTruth::default();
         for time in (10..1000).step_by(10) {
             truth.bursts.push(Burst {
-                sensor: Kind::Bno055,
                 start: ms(time - 5),
                 acknowledged: ms(time - 5),
                 end: ms(time),
-                refresh: Refresh::default(),
-                words: [0; 9],
                 valid: valid(time),
-                alone: false,
+                ..Burst::default()
             });
             truth.steps.push(Step { start: ms(time) + Ticks::from_us(10), end: ms(time + 1) });
             if time % 20 == 10 {

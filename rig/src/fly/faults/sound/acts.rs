@@ -18,7 +18,7 @@ use crate::fly::flight::{FlightError, Ready};
 use crate::inertial::STANDARD_GRAVITY_M_S2;
 use crate::sensor_motion::{SensorMotion, Shake};
 
-/// How far beyond the sensor's range of 8 g a knock goes, g.
+/// Greatest force of a knock along an axis, g: twice the sensor's range.
 const KNOCK_G: f64 = 16.0;
 /// Greatest rate of a knock, and of a hand, deg/s.
 const KNOCK_DEG_S: f64 = 300.0;

@@ -237,13 +237,12 @@ impl Seen<'_> {
     /// two that are too long.
     fn judge_pulses(&self, alarms: &mut Alarms) {
         let rudders = self.neutral_us.iter().map(|(axis, neutral_us)| {
-            let pulses = self.truth.pulses_of(*axis);
             Rudder {
                 axis: *axis,
                 neutral_us: neutral_us.clone(),
                 before: None,
                 // Where the power was cut before the begin, it has cut a pulse.
-                pulses: &pulses[pulses.partition_point(|pulse| pulse.rise < self.begin)..],
+                pulses: self.truth.pulses_since(*axis, self.begin),
                 high: self.truth.high[axis.index()],
                 clock_error: self.clock_error,
             }
@@ -275,9 +274,7 @@ impl Seen<'_> {
 mod tests {
     use super::super::super::judge::tests::{FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
     use super::*;
-    use crate::inertial::Refresh;
     use crate::observe::ground_truth::Burst;
-    use tvc_nano::sensor::Kind;
 
     /// A second of a sound vehicle, with what is to be wrong in it.
     struct Sound {
@@ -297,14 +294,11 @@ mod tests {
             let mut truth = GroundTruth::default();
             for time in (10..1000).step_by(10) {
                 truth.bursts.push(Burst {
-                    sensor: Kind::Bno055,
                     start: ms(time - 5),
                     acknowledged: ms(time - 5),
                     end: ms(time),
-                    refresh: Refresh::default(),
-                    words: [0; 9],
                     valid: true,
-                    alone: false,
+                    ..Burst::default()
                 });
                 truth.steps.push(Step { start: ms(time) + Ticks::from_us(20), end: ms(time + 1) });
             }

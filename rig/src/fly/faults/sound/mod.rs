@@ -9,7 +9,7 @@
 //! | what | is | but |
 //! |---|---|---|
 //! | the chip | not reset | |
-//! | the state | that of the phase, at every change | as the host orders, where it sends any valid frames; and for a sensor that falls to CONFIG mode failsafe |
+//! | the state | no failsafe and no latched fault at any change; that of the phase at the end | as the host orders, where it sends any valid frames; and for a sensor that falls to CONFIG mode failsafe |
 //! | an order to arm, at rest, to release or to save | obeyed | |
 //! | every step | taken with the sample of its burst, which is not refused | not while parameters are stored, since the processor stands still for each row and page; nor behind a sensor that falls to CONFIG mode |
 //! | the loop | keeps its period to within 100 us, while armed | |
