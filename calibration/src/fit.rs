@@ -146,9 +146,9 @@ fn tombstone(samples: &[Sample]) -> Result<Rest, rest::RestError> {
     let rests = stillness::find(samples, 0.0).into_iter().map(|range| &samples[range]);
     let longest = rests.max_by(|a, b| stillness::length_s(a).total_cmp(&stillness::length_s(b)));
     let short = rest::bias(longest.unwrap_or_default());
-    if let Err(rest::RestError::Short { .. }) = short {
+    if let Err(rest::RestError::Short(_)) = short {
         let until = samples.partition_point(|m| m.time_s <= 2.0 * LEAST_S);
-        if let Err(motion @ rest::RestError::Motion { .. }) = rest::bias(&samples[..until]) {
+        if let Err(motion @ rest::RestError::Motion(_)) = rest::bias(&samples[..until]) {
             return Err(motion);
         }
     }

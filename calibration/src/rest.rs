@@ -39,41 +39,19 @@ pub struct Rest {
 }
 
 /// Why the test is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum RestError {
-    /// Shorter than [`LEAST_S`].
+    /// Shorter than [`LEAST_S`]: its length, s.
+    #[error("a rest of {0:.1} s is too short for the gyroscope's bias, which takes {LEAST_S} s")]
+    Short(f64),
+    /// The sensor moved or shook: what shows it, by how much, and how much may be.
+    #[error("it moved during the rest: {0}; lay the sensor down and do not touch the table")]
+    Motion(String),
+    /// Steady, but more than a bias can be, deg/s: it turns.
     #[error(
-        "a rest of {seconds:.1} s is too short for the gyroscope's bias, which takes {LEAST_S} s"
+        "a rate of {0:.1} deg/s is more than a bias can be: it turns, or the gyroscope is broken"
     )]
-    Short {
-        /// Its length, s.
-        seconds: f64,
-    },
-    /// The sensor moved or shook.
-    #[error(
-        "it moved during the rest: {sensor} {axis} by {by:.3} {unit}, where {limit:.3} may be; \
-         lay the sensor down and do not touch the table"
-    )]
-    Motion {
-        /// Which sensor shows it.
-        sensor: &'static str,
-        /// Along which axis.
-        axis: &'static str,
-        /// By how much, in `unit`.
-        by: f64,
-        /// How much may be, in `unit`.
-        limit: f64,
-        /// The unit of both.
-        unit: &'static str,
-    },
-    /// Steady, but more than a bias can be: it turns.
-    #[error(
-        "a rate of {deg_s:.1} deg/s is more than a bias can be: it turns, or the gyroscope is broken"
-    )]
-    Turning {
-        /// Rate, deg/s.
-        deg_s: f64,
-    },
+    Turning(f64),
 }
 
 /// The gyroscope's bias out of a rest.
@@ -91,7 +69,7 @@ pub fn bias(samples: &[Sample]) -> Result<Rest, RestError> {
     };
     let (gyr, acc, mag) = match means(samples) {
         Some(means) if seconds >= LEAST_S => means,
-        _ => return Err(RestError::Short { seconds }),
+        _ => return Err(RestError::Short(seconds)),
     };
     within("gyroscope", gyr.1, RATE_NOISE, "rad/s")?;
     within("accelerometer", acc.1, ACC_NOISE, "m/s2")?;
@@ -103,23 +81,21 @@ pub fn bias(samples: &[Sample]) -> Result<Rest, RestError> {
         }
     }
     if gyr.0.amax() > LARGEST_BIAS {
-        return Err(RestError::Turning { deg_s: gyr.0.amax().to_degrees() });
+        return Err(RestError::Turning(gyr.0.amax().to_degrees()));
     }
     Ok(Rest { bias: gyr.0, noise: gyr.1, acc: acc.0, seconds })
 }
 
-fn within(
-    sensor: &'static str,
-    vector: Vector3<f64>,
-    limit: f64,
-    unit: &'static str,
-) -> Result<(), RestError> {
+fn within(sensor: &str, vector: Vector3<f64>, limit: f64, unit: &str) -> Result<(), RestError> {
     for (value, axis) in vector.iter().zip(AXES) {
         // Not a number is no rest either.
         if value.abs() <= limit {
             continue;
         }
-        return Err(RestError::Motion { sensor, axis, by: value.abs(), limit, unit });
+        let by = value.abs();
+        return Err(RestError::Motion(format!(
+            "{sensor} {axis} by {by:.3} {unit}, where {limit:.3} may be"
+        )));
     }
     Ok(())
 }

@@ -8,6 +8,7 @@ use plant::pitch_loop::{COMMAND_LIMIT_RAD, Measurement, Timing};
 use tvc_nano::controller::Sample;
 use tvc_nano::{Axis, Controller, LawState, Micros, Params, RawSample, Refresh};
 
+use crate::vehicle::store;
 use flights::param_file;
 use report::exit::BadInput;
 use rig::ServoKind;
@@ -21,7 +22,8 @@ pub struct Law {
     refresh: Refresh,
     /// When the law ran first, s.
     begun_s: f64,
-    /// When the sensor's newest refresh was at the last reading, s, and how many there were.
+    /// Which refresh of the sensor was the newest at the last reading (its time, s, where the sensor
+    /// has no clock of its own), and how many there were.
     newest: (f64, i16),
 }
 
@@ -54,11 +56,11 @@ impl Law {
     /// What the firmware makes of a reading's being new.
     fn watch(&mut self, time_s: f64) -> tvc_nano::Sample {
         let timing = &self.timing;
-        let newest_s =
+        let refresh =
             timing.refresh_s.map_or(time_s, |period_s| timing.newest_refresh(time_s, period_s));
-        let (before_s, count) = &mut self.newest;
-        if newest_s != *before_s {
-            (*before_s, *count) = (newest_s, count.wrapping_add(1));
+        let (before, count) = &mut self.newest;
+        if refresh != *before {
+            (*before, *count) = (refresh, count.wrapping_add(1));
         }
         self.refresh.read(RawSample {
             time: Micros((1e6 * (time_s - self.begun_s)).round() as u64),
@@ -99,14 +101,11 @@ impl Law {
 /// A file that cannot be used.
 pub fn parameters(servo: ServoKind, gains: Option<&Path>) -> Result<Params> {
     let mut params = Params::default();
-    for (name, value) in servo.parameters() {
-        params.set(name, *value).map_err(|error| anyhow::anyhow!("{error}"))?;
-    }
-    let file = gains.map(param_file::read).transpose()?;
-    for row in file.unwrap_or_default().rows {
-        params
-            .set(&row.name, row.value)
-            .map_err(|error| BadInput::new(format!("{}: {error}", row.name)))?;
+    store(&mut params, servo.parameters().iter().copied())?;
+    if let Some(file) = gains {
+        let rows = param_file::read(file)?.rows.into_iter();
+        store(&mut params, rows.map(|row| (row.name, row.value)))
+            .map_err(|error| BadInput::of(file, error))?;
     }
     Ok(params)
 }

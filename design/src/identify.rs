@@ -87,7 +87,8 @@ pub struct Identify {
 /// Identifies as `options` say, prints the estimates and writes them.
 pub fn run(options: &Identify) -> Result<Verdict> {
     if let Some(out) = &options.out {
-        kind::keep_apart(out, options.vehicle.file())?;
+        let read = options.logs.iter().map(AsRef::as_ref);
+        kind::keep_apart(out, read.chain(options.vehicle.file()))?;
     }
     let vehicle = options.vehicle.read(options.servo)?;
     let nominal = vehicle.drone()?;
@@ -230,7 +231,7 @@ fn of_release(flight: &Flight, release: &Release<'_>, axis: Axis) -> Vec<Record>
     let begin_us = pulses.first().map_or(0, |(at_us, _)| *at_us);
     let per_frame = u64::from(plan.ticks_per_frame);
     let carried = |phase: u64| {
-        let tick = move |at_us: u64| (at_us - begin_us + tick_us / 2) / tick_us;
+        let tick = move |at_us: u64| (at_us.saturating_sub(begin_us) + tick_us / 2) / tick_us;
         let own = pulses.iter().filter(move |(at_us, _)| tick(*at_us) % per_frame == phase);
         own.map(|(at_us, pulse_us)| ((at_us + lead_us) as f64 * 1e-6, *pulse_us)).collect()
     };

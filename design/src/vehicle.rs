@@ -238,7 +238,7 @@ impl Vehicle {
             }
             _ => Vec::new(),
         };
-        rig.stored.as_mut().map_or(Ok(()), |stored| store(stored, &parameters))
+        rig.stored.as_mut().map_or(Ok(()), |stored| store(stored, parameters))
     }
 }
 
@@ -246,9 +246,13 @@ impl Vehicle {
 ///
 /// # Errors
 /// One that is not in the firmware's table, or out of its range.
-pub fn store(stored: &mut Params, parameters: &[(String, f32)]) -> Result<()> {
+pub fn store(
+    stored: &mut Params,
+    parameters: impl IntoIterator<Item = (impl AsRef<str>, f32)>,
+) -> Result<()> {
     for (name, value) in parameters {
-        stored.set(name, *value).map_err(|error| anyhow!("{name}: {error}"))?;
+        let name = name.as_ref();
+        stored.set(name, value).map_err(|error| anyhow!("{name}: {error}"))?;
     }
     Ok(())
 }
@@ -341,7 +345,7 @@ mod tests {
         assert_eq!(spica.conditions, Conditions::SPICA);
         for airframe in [hobby, spica] {
             let parameters = rocket::parameters(airframe, RocketLaw::Scheduled);
-            store(&mut Params::default(), &parameters).unwrap();
+            store(&mut Params::default(), parameters).unwrap();
         }
     }
 

@@ -17,16 +17,16 @@ const LEAST_BAND_DEG: f64 = 0.2;
 /// Tilt from which on a vehicle with two axes counts as tilted about one of them, rad.
 const TILTED_RAD: f64 = 0.05;
 
-/// One release of the drone, by its pitch.
+/// One release, by the angle of an axis.
 #[derive(Clone, Debug)]
 pub struct Run {
     /// Tilt at the release, from the set point, rad.
     pub start_rad: f64,
     /// Excursion past the set point, percent of the start.
     pub overshoot_pct: f64,
-    /// Time to a tenth of the start, s; none if pitch never gets there.
+    /// Time to a tenth of the start, s; none if it never gets there.
     pub rise_s: Option<f64>,
-    /// Time after which pitch stays within 5 % of the start, s; none if it never does.
+    /// Time after which it stays within 5 % of the start, s; none if it never does.
     pub settling_5pct_s: Option<f64>,
     /// Mean error over the last tenth of the flight, rad.
     pub final_error_rad: f64,

@@ -192,7 +192,7 @@ impl Mechanism {
 }
 
 /// Unit vectors of crank, link and rudder arm: `R(th1)(0,1)`, `R(th2)(-1,0)`, `R(th3)(0,1)`.
-pub(crate) fn directions(crank: f64, link: f64, rudder: f64) -> [Planar; 3] {
+fn directions(crank: f64, link: f64, rudder: f64) -> [Planar; 3] {
     let ((s1, c1), (s2, c2), (s3, c3)) = (crank.sin_cos(), link.sin_cos(), rudder.sin_cos());
     [Planar::new(-s1, c1), Planar::new(-c2, -s2), Planar::new(-s3, c3)]
 }
@@ -200,7 +200,7 @@ pub(crate) fn directions(crank: f64, link: f64, rudder: f64) -> [Planar; 3] {
 /// Force of the wash on the rudder and the lever from the rudder axis to where it acts.
 ///
 /// The rudder is a plate in the wash: the force stands on it and grows with the sine of its angle.
-pub(crate) fn wash(p: &Parameters, u3: Planar, rudder_rad: f64) -> (Planar, Planar) {
+fn wash(p: &Parameters, u3: Planar, rudder_rad: f64) -> (Planar, Planar) {
     let (sin, cos) = rudder_rad.sin_cos();
     let normal = p.wash_efficiency * p.thrust_n * sin;
     (-normal * Planar::new(cos, sin), -p.pressure_centre_m * u3)

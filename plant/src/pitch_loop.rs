@@ -26,7 +26,7 @@ const LONGEST_S: f64 = 1.0;
 pub struct Timing {
     /// Step of the simulation, in s; the servo divides it further by itself.
     pub step_s: f64,
-    /// Period of the control law, in s: a whole number of steps.
+    /// Period of the control law, in s; a run may come up to half a step early.
     pub control_s: f64,
     /// Period of the servo frame, in s.
     pub frame_s: f64,
@@ -92,9 +92,9 @@ impl Timing {
     /// # Errors
     /// The first time out of range, by name.
     pub fn validate(&self) -> Checked {
-        positive(&named!(self; step_s, control_s, frame_s))?;
         // What the sensor has seen is kept for as many steps as its delay has.
-        check(&named!(self; step_s), "0.00001 s or more", |value| value >= SHORTEST_STEP_S)?;
+        let periods = named!(self; step_s, control_s, frame_s);
+        check(&periods, "0.00001 s or more", |value| value >= SHORTEST_STEP_S)?;
         let refresh = [("refresh_s", self.refresh_s.unwrap_or(LONGEST_S))];
         for times in [&named!(self; step_s, control_s, frame_s, delay_s)[..], &refresh] {
             check(times, "1 s or less", |value| value <= LONGEST_S)?;

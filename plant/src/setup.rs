@@ -234,7 +234,9 @@ mod tests {
     /// Else a file of a few bytes would ask for all memory, or for a run without end.
     #[test]
     fn a_delay_is_only_so_many_steps_long() {
-        assert!(refusal("[timing]\nstep_s = 1e-12").contains("step_s"));
+        for period in ["step_s", "control_s", "frame_s"] {
+            assert!(refusal(&format!("[timing]\n{period} = 1e-12")).contains(period));
+        }
         assert!(refusal("[timing]\ndelay_s = 1e9").contains("delay_s"));
         assert!(refusal("[timing]\nrefresh_s = 2").contains("refresh_s"));
         let fine = Setup::parse("[timing]\nstep_s = 1e-5\ndelay_s = 1").unwrap();

@@ -156,15 +156,21 @@ fn output(path: &str, kinds: &[Kind]) -> Result<PathBuf, String> {
 }
 
 fn check(path: &Path, kinds: &[Kind]) -> Result<(), String> {
-    match of_name(path) {
+    let may = |kind: &Kind| may_replace(path, *kind);
+    let is_free = match of_name(path) {
         Some((kind, words)) if !kinds.contains(&kind) => {
-            Err(format!("that is the name of {words}; what is written ends in {}", ends(kinds)))
+            return Err(format!(
+                "that is the name of {words}; what is written ends in {}",
+                ends(kinds)
+            ));
         }
-        _ if kinds.iter().any(|kind| may_replace(path, *kind)) => {
-            try_place(path).map_err(|error| format!("it cannot be written: {error}"))
-        }
-        _ => Err("there is another kind of file already: give another name".into()),
+        Some((kind, _)) => may(&kind),
+        None => kinds.iter().any(may),
+    };
+    if !is_free {
+        return Err("there is another kind of file already: give another name".into());
     }
+    try_place(path).map_err(|error| format!("it cannot be written: {error}"))
 }
 
 /// The kind of a file by its name, and what people call it.

@@ -250,12 +250,6 @@ impl Figure {
         &self.label
     }
 
-    /// The least and the greatest value within the limit.
-    pub fn range(&self) -> (f64, f64) {
-        let limit = self.limit.unwrap_or(Limit::Within(f64::NEG_INFINITY, f64::INFINITY));
-        limit.range()
-    }
-
     /// The limit in words; empty without one.
     pub fn required(&self) -> String {
         let words = self.limit.map(|limit| limit.words(self.scale));

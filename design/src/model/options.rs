@@ -26,7 +26,7 @@ pub enum ModelCommand {
     Simulate(Simulate),
     /// Make the model linear: poles, zeros, ranks, and the margins of the whole loop.
     Linear(Linear),
-    /// Raise gain and delay along a rocket's burn until it is lost.
+    /// How much gain and delay a rocket's loop bears along its burn.
     Margins(Margins),
     /// Fly a log's release again on the model, as it was and with something changed.
     WhatIf(WhatIf),

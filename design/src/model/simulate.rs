@@ -12,10 +12,14 @@ use crate::model::Simulate;
 use report::exit::{BadInput, Verdict};
 use report::file::{print, write_whole};
 use report::input;
+use report::kind;
 use report::measure::{Figures, data, figure};
 
 /// Simulates as `options` say.
 pub fn run(options: &Simulate) -> Result<Verdict> {
+    if let Some(out) = &options.out {
+        kind::keep_apart(out, [options.scenario.as_path()])?;
+    }
     let rows = simulate(options)?;
     let csv = csv(&rows);
     match &options.out {

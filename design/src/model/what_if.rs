@@ -11,6 +11,7 @@ use tvc_nano::{Axis, Params};
 
 use crate::control_law::Law;
 use crate::model::WhatIf;
+use crate::vehicle::store;
 use flights::figures::{Run, response, servo, settling_band_deg};
 use flights::log::{Flight, Release, Step};
 use report::exit::{BadInput, Verdict};
@@ -69,9 +70,7 @@ fn flown_again(
     let as_it_was = start.fly(setup, &params, end_s)?;
     let mut all = vec![logged, flown("model", as_it_was, target_rad(&params))?];
     if !changed.is_empty() {
-        for (name, value) in changed {
-            params.set(name, *value).map_err(|error| anyhow::anyhow!("{name}: {error}"))?;
-        }
+        store(&mut params, changed.iter().map(|(name, value)| (name, *value)))?;
         let motion = start.fly(setup, &params, end_s)?;
         all.push(flown("what if", motion, target_rad(&params))?);
     }

@@ -15,9 +15,11 @@ use tvc_nano::Params;
 use super::table::Row;
 use crate::control_law::Law;
 use crate::montecarlo::Rerun;
+use crate::vehicle::store;
 use report::campaign::read_run;
 use report::exit::{BadInput, Verdict};
 use report::file::write_whole;
+use report::kind;
 use report::measure::{Figures, figure};
 
 /// Most steps of a run: eight minutes of them as the model has them.
@@ -93,9 +95,8 @@ impl Case {
     /// A parameter that is not there, or a value out of its range.
     pub fn fly(&self) -> Result<Vec<Sample>, String> {
         let mut params = Params::default();
-        for (name, value) in &self.parameters {
-            params.set(name, *value).map_err(|error| format!("{name}: {error}"))?;
-        }
+        store(&mut params, self.parameters.iter().map(|(name, value)| (name, *value)))
+            .map_err(|error| error.to_string())?;
         let setup = &self.setup;
         let mut law = Law::new(&params, &setup.drone, &self.draw.setup(setup).timing);
         let mut motion = Vec::new();
@@ -114,6 +115,9 @@ impl Case {
 /// Flies a run again.
 pub fn rerun(options: &Rerun) -> Result<Verdict> {
     let path = &options.file;
+    if let Some(out) = &options.out {
+        kind::keep_apart(out, [path.as_path()])?;
+    }
     let case = read_run(path, Case::parse)?;
     let motion = case.fly().map_err(|error| BadInput::of(path, error))?;
     let written = options.out.as_ref().map_or(Ok(()), |out| {

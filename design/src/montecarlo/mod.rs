@@ -45,8 +45,8 @@ fn fly(options: &MonteCarlo) -> Result<Verdict> {
     let setup = options.vehicle.drone(options.servo)?;
     let params = control_law::parameters(options.servo, options.params.as_deref())?;
     let mut ranges = Ranges { cm_lateral_m: 1e-3 * options.lateral_mm, ..Ranges::WIDE };
-    for spread in &options.spread {
-        spread.apply(&mut ranges);
+    for (quantity, value) in &options.spread {
+        *quantity(&mut ranges) = *value;
     }
     let seed = options.campaign.seed;
     let campaign = Campaign {

@@ -30,7 +30,7 @@ Every run draws its own drone, from the seed and its number alone:
   sensor delay                            +-2 ms
   frame phase                             one frame
   start, either side, with 0.2 rad/s      0.2, 0.4, 0.8 rad in turn
-  noise of pitch and rate                 5 mrad, 20 mrad/s rms, white, at every control step
+  noise of pitch and rate                 5 mrad, 20 mrad/s rms, white, at every new reading
 
 A run passes with 30 % overshoot or less, and 5 % settling within 1.5 s. Bounds are Wilson's, 95 %.
 
@@ -133,15 +133,11 @@ fn lateral(text: &str) -> Result<f64, String> {
     number(text, 0.0..=LARGEST_LATERAL_MM, &what)
 }
 
-/// A quantity with how far it may lie from its nominal value, in the unit of [`Ranges`].
-#[derive(Debug, Clone, Copy)]
-pub struct Spread {
-    quantity: Quantity,
-    value: f64,
-}
-
 /// Where [`Ranges`] have a quantity.
 type Quantity = fn(&mut Ranges) -> &mut f64;
+
+/// A quantity with how far it may lie from its nominal value, in the unit of [`Ranges`].
+pub type Spread = (Quantity, f64);
 
 /// Quantities by name, with their unit in that of [`Ranges`], and the widest range.
 const QUANTITIES: [(&str, f64, f64, Quantity); 9] = [
@@ -156,13 +152,6 @@ const QUANTITIES: [(&str, f64, f64, Quantity); 9] = [
     ("rate_mrad_s", 1e-3, 1000.0, |ranges| &mut ranges.rate_noise_rad_s),
 ];
 
-impl Spread {
-    /// Puts it in its place.
-    pub fn apply(&self, ranges: &mut Ranges) {
-        *(self.quantity)(ranges) = self.value;
-    }
-}
-
 fn spread(text: &str) -> Result<Spread, String> {
     let (name, value) = text.split_once('=').ok_or("KEY=VALUE is needed")?;
     let known = QUANTITIES.iter().find(|(known, ..)| *known == name.trim());
@@ -171,7 +160,7 @@ fn spread(text: &str) -> Result<Spread, String> {
         return Err(format!("no {name} is drawn; there are {}", names.join(", ")));
     };
     let value = number(value, 0.0..=*most, &format!("{name} is 0 to {most}"))?;
-    Ok(Spread { quantity: *quantity, value: unit * value })
+    Ok((*quantity, unit * value))
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -186,7 +175,8 @@ mod tests {
     fn a_spread_takes_the_place_of_a_range() {
         let mut ranges = Ranges::WIDE;
         for text in ["servo_speed=0.25", "delay_ms=5"] {
-            spread(text).unwrap().apply(&mut ranges);
+            let (quantity, value) = spread(text).unwrap();
+            *quantity(&mut ranges) = value;
         }
         let expected = Ranges { servo_speed: 0.25, delay_s: 5e-3, ..Ranges::WIDE };
         assert_eq!(ranges, expected);

@@ -72,19 +72,10 @@ pub fn figures(table: &[Row], worst: &[Worst], required: Option<f64>) -> Figures
 mod tests {
     use super::*;
 
-    fn row(run: u64, settling_5pct_s: Option<f64>) -> Row {
-        let row = format!(
-            "{},s3003,0,{run},0.2,1,1,0,0,1,1,1,1,0,0,1,,{},,,0,true",
-            1,
-            settling_5pct_s.map_or(String::new(), |s| s.to_string())
-        );
-        let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(row.as_bytes());
-        reader.deserialize().next().unwrap().unwrap()
-    }
-
     #[test]
     fn the_worst_never_settled() {
-        let rows = [row(0, Some(0.5)), row(1, None), row(2, Some(0.9))];
+        let rows = [Some(0.5), None, Some(0.9)].into_iter().zip(0..);
+        let rows: Vec<Row> = rows.map(|(settling, run)| Row::flown(run, 1.0, settling)).collect();
         let worst = Worst::of(&rows, 2);
         assert_eq!(worst.iter().map(|worst| worst.row.run).collect::<Vec<_>>(), [1, 2]);
     }

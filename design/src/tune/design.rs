@@ -347,10 +347,16 @@ impl Problem {
         let mut flight =
             PitchLoop::new(drone, *servo, timing, side * start.pitch_rad, side * START_RATE_RAD_S)?;
         let misjudged = MISJUDGED_RAD * alternately(2);
-        let mut noise = RateNoise::new(index);
+        let mut chance = ChaCha8Rng::seed_from_u64(index.into());
+        // The gyroscope has another noise for every new rate.
+        let (mut newest, mut noise) = (f64::NAN, 0.0);
         let response = flight.respond(FLIGHT_S, |mut measurement| {
+            if measurement.rate_rad_s != newest {
+                newest = measurement.rate_rad_s;
+                noise = RATE_NOISE_RAD_S * chance.sample::<f64, _>(StandardNormal);
+            }
             measurement.pitch_rad += misjudged;
-            measurement.rate_rad_s += noise.of(measurement.rate_rad_s);
+            measurement.rate_rad_s += noise;
             law.update(measurement)
         });
         Ok(Flight::new(start, response.ok()))
@@ -408,26 +414,6 @@ impl Problem {
             (badness.min(2.0) - 0.6).max(0.0)
         };
         Ok(outcomes.iter().map(near).sum::<f64>() / DISPERSED as f64)
-    }
-}
-
-/// Noise of the gyroscope: another value for every new rate.
-struct RateNoise {
-    chance: ChaCha8Rng,
-    newest: (f64, f64),
-}
-
-impl RateNoise {
-    fn new(flight: u32) -> Self {
-        Self { chance: ChaCha8Rng::seed_from_u64(flight.into()), newest: (f64::NAN, 0.0) }
-    }
-
-    fn of(&mut self, rate_rad_s: f64) -> f64 {
-        if rate_rad_s != self.newest.0 {
-            let normal: f64 = self.chance.sample(StandardNormal);
-            self.newest = (rate_rad_s, RATE_NOISE_RAD_S * normal);
-        }
-        self.newest.1
     }
 }
 

@@ -158,7 +158,7 @@ fn cost(airframe: &Airframe, constant: Option<Gains>) -> f64 {
         return highest;
     }
     let law = constant.map_or(RocketLaw::Scheduled, RocketLaw::Constant);
-    if store(&mut Params::default(), &rocket::parameters(airframe, law)).is_err() {
+    if store(&mut Params::default(), rocket::parameters(airframe, law)).is_err() {
         return REFUSED;
     }
     let flights = SEEDS.flat_map(|seed| EFFECTS.map(|effect| (seed, effect)));

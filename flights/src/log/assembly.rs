@@ -10,7 +10,7 @@ use super::{Entry, Event, Flight, Step, whole_us};
 /// Most events between a step and the last part of the memory after it: a slow link holds parts up.
 const MEMORY_LAG: usize = 200;
 /// No clock of a vehicle gets to this time, us, some nine years: it is of a damaged log.
-const LATEST_US: u64 = 1 << 48;
+const LATEST_CLOCK_US: u64 = 1 << 48;
 
 /// A flight that is being put together.
 #[derive(Debug, Default)]
@@ -64,7 +64,7 @@ impl Assembly {
             }
             MavMessage::RAW_IMU(m) => {
                 if let Some(part) = &mut self.part
-                    && m.time_usec < LATEST_US
+                    && m.time_usec < LATEST_CLOCK_US
                 {
                     part.step.sample = Some(RawSample {
                         time: Micros(m.time_usec),

@@ -9,7 +9,7 @@ use super::Entry;
 use report::measure::{Figure, figure};
 
 /// The last second of the year 9999, us since 1970: later dates have no such form.
-const LATEST_US: u64 = 253_402_300_799_000_000;
+const LAST_DATE_US: u64 = 253_402_300_799_000_000;
 
 /// Where a log comes from, as far as it tells.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -63,7 +63,7 @@ impl Origin {
 
 /// A time in us since 1970 as a date with its time of day, UTC.
 fn date(us: u64) -> String {
-    let date = UNIX_EPOCH + Duration::from_micros(us.min(LATEST_US));
+    let date = UNIX_EPOCH + Duration::from_micros(us.min(LAST_DATE_US));
     humantime::format_rfc3339_seconds(date).to_string()
 }
 

@@ -26,7 +26,7 @@ impl SensorOption {
     pub fn fit(self, rig: &mut RigConfig) -> Result<()> {
         let Some(sensor) = self.sensor else { return Ok(()) };
         let stored = rig.stored.get_or_insert_default();
-        store(stored, &[("SENSOR".to_owned(), sensor.value())])?;
+        store(stored, [("SENSOR", sensor.value())])?;
         if sensor == Kind::Lsm6ds3 {
             rig.bench.faults.push(TimedFault {
                 fault: Fault::Unplugged,

@@ -5,7 +5,7 @@ use std::process::Output;
 use crate::running::{self, commands_below, tvc};
 
 /// Names of outputs, the commands that are to write them, and what these say.
-const COMMANDS: [[&str; 3]; 14] = [
+const COMMANDS: [[&str; 3]; 18] = [
     ["a.tlog", "report a.tlog --out", "name of a telemetry log"],
     ["a.tlog", "replay a.tlog --csv", "name of a telemetry log"],
     ["a.tlog", "replay a.tlog --report", "name of a telemetry log"],
@@ -18,7 +18,11 @@ const COMMANDS: [[&str; 3]; 14] = [
     ["a.toml", "tune --vehicle a.toml --out", "name of a TOML file"],
     ["a.toml", "model simulate a.toml --out", "name of a TOML file"],
     ["a.toml", "identify run.csv --vehicle a.toml --out", "is read from a.toml"],
+    ["a", "identify a --out", "is read from a"],
+    ["a", "model simulate a --out", "is read from a"],
+    ["a", "montecarlo rerun a --out", "is read from a"],
     ["a.csv", "montecarlo merge a.csv --out", "is read from a.csv"],
+    ["b.csv", "record a.tlog --csv", "another kind of file"],
     ["a.foo", "monitor --log", "must end in .tlog or .mcap"],
 ];
 
@@ -29,7 +33,7 @@ fn what_is_there_is_kept() {
         let path = folder.path().join(name);
         // Neither text nor a page where the name is to be that of a log.
         let bytes: &[u8] = match name {
-            "a.html" => b"\x00\x06\xfd a log by another name",
+            "a.html" | "b.csv" => b"\x00\x06\xfd a log by another name",
             _ => b"what is there",
         };
         std::fs::write(&path, bytes).unwrap();

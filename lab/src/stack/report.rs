@@ -7,7 +7,7 @@ use super::figures::bounds_in_words;
 use super::levels::Level;
 use super::seen::Seen;
 use flights::requirements;
-use report::measure::{Figures, figure};
+use report::measure::Figures;
 use report::page::{page, verdicts};
 
 /// Width of the picture, height of the stack and of the whole, SVG units.
@@ -68,7 +68,7 @@ fn picture(analysis: &Analysis, seen: &Seen, room: u32) -> Markup {
             place(format!("{level}: {}", analysis.program.name(step.function)), step.bytes);
         }
     }
-    let limit = figure("", 0.0).limit(requirements::STACK_PCT).range().1;
+    let limit = requirements::STACK_PCT.range().1;
     let marks = [
         (f64::from(seen.bytes), format!("seen: {} bytes", seen.bytes), 58.0),
         (f64::from(room) * limit / 100.0, format!("limit: {limit} %"), 76.0),

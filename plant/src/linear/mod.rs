@@ -24,7 +24,7 @@ const BALANCED_N_M: f64 = 1e-3;
 /// Relative size below which a singular value counts as zero in a rank.
 const RANK_TOLERANCE: f64 = 1e-12;
 
-/// A linear model `x' = A x + B u`, `y = C x + D u` with `x = (th0, w0, th1, v1)` measured from the
+/// A linear model `x' = A x + B u`, `y = C x` with `x = (th0, w0, th1, v1)` measured from the
 /// point it was taken at, `u` the servo's torque in N m, `y = th0`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StateSpace {
@@ -34,8 +34,6 @@ pub struct StateSpace {
     pub b: Vector4<f64>,
     /// Output row.
     pub c: RowVector4<f64>,
-    /// Direct feed-through.
-    pub d: f64,
 }
 
 /// A point at which the drone can rest.
@@ -128,7 +126,6 @@ pub fn linearise(mechanism: &Mechanism, point: &State, torque_n_m: f64) -> State
         a,
         b: Vector4::new(0.0, input[0], 0.0, input[1]),
         c: RowVector4::new(1.0, 0.0, 0.0, 0.0),
-        d: 0.0,
     }
 }
 
@@ -159,10 +156,6 @@ impl StateSpace {
             let coefficient = -product.trace() / f64::from(k);
             denominator.push(coefficient);
             adjugate = product + Matrix4::identity() * coefficient;
-        }
-        numerator.insert(0, 0.0);
-        for (n, d) in numerator.iter_mut().zip(&denominator) {
-            *n += self.d * d;
         }
         TransferFunction::new(numerator, denominator)
     }

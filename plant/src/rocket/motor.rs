@@ -49,7 +49,7 @@ impl Motor {
         let rising = points.windows(2).all(|pair| pair[0][0] < pair[1][0]);
         let possible =
             |point: &[f64; 2]| point.iter().all(|value| value.is_finite() && *value >= 0.0);
-        // A motor that has no thrust at the start has it at once.
+        // Where the points begin later, the thrust rises from nothing at 0 s.
         let first = points.first().filter(|first| first[0] > 0.0).map(|_| [0.0; 2]);
         let points: Vec<[f64; 2]> = first.into_iter().chain(points.iter().copied()).collect();
         let Some(&[burn_s, _]) = points.last() else { return Err(MotorError::Curve) };

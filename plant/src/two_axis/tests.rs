@@ -168,66 +168,6 @@ fn energy_is_kept_without_thrust_and_momentum_without_weight_and_thrust() {
     assert!((after - before).norm() < 1e-8, "{after} {before}");
 }
 
-/// The rates against the momentum of mass points, each moved by hand in the earth's axes. A rod is
-/// two points.
-#[test]
-fn the_momentum_is_that_of_the_bodies_as_points_that_move() {
-    let one_axis = Parameters::PHYS;
-    let two = TwoAxisParameters::of(one_axis);
-    let start = drone(&two, 0.3, -0.5, [0.8, -1.1, 0.6]);
-    let mechanism = start.mechanism().clone();
-    let zero_rad = start.cranks()[0].angle_rad;
-    let cranks = [Crank::new(zero_rad + 0.2, 3.0), Crank::new(zero_rad - 0.4, -2.0)];
-    let mut moved = start.clone();
-    moved.place_cranks(cranks.map(|crank| crank.angle_rad));
-    moved.cranks = cranks;
-    moved.set_rates([0.8, -1.1, 0.6]);
-    // Points of a linkage: mass and place in the body.
-    let points = |axis: usize, crank_rad: f64| -> Vec<(f64, Vector3<f64>)> {
-        let at = mechanism.linkage().at(crank_rad);
-        let [u1, u2, u3] = crate::mechanism::directions(crank_rad, at.link_rad, at.rudder_rad);
-        let servo = nalgebra::Vector2::from(one_axis.servo_axis_m());
-        let rudder = nalgebra::Vector2::from(one_axis.rudder_axis_m);
-        let p = &one_axis;
-        let rods = [
-            (p.crank_mass_kg, p.crank_inertia_kg_m2, servo + p.crank_cm_m * u1, u1),
-            (
-                p.link_mass_kg,
-                p.link_inertia_kg_m2,
-                servo + p.crank_length_m * u1 + 0.5 * p.link_length_m * u2,
-                u2,
-            ),
-            (p.rudder_mass_kg, p.rudder_inertia_kg_m2, rudder + p.rudder_cm_m * u3, u3),
-        ];
-        let body = |v: nalgebra::Vector2<f64>| {
-            [Vector3::new(v.x, 0.0, -v.y), Vector3::new(0.0, -v.x, -v.y)][axis]
-        };
-        rods.into_iter()
-            .flat_map(|(mass, inertia, at, along)| {
-                let reach = (inertia / mass).sqrt();
-                [-reach, reach].map(|reach| (0.5 * mass, body(at + reach * along)))
-            })
-            .collect()
-    };
-    let h = 1e-6;
-    let turned = |time_s: f64| {
-        moved.attitude() * UnitQuaternion::from_scaled_axis(Vector3::new(0.8, -1.1, 0.6) * time_s)
-    };
-    let mut momentum = moved.attitude() * (moved.body.inertia * Vector3::new(0.8, -1.1, 0.6));
-    for axis in [0, 1] {
-        let place = |time_s: f64| {
-            let crank = cranks[axis];
-            let places = points(axis, crank.angle_rad + crank.rate_rad_s * time_s);
-            places.into_iter().map(|(mass, at)| (mass, turned(time_s) * at)).collect::<Vec<_>>()
-        };
-        for ((mass, before), (_, after)) in place(-h).into_iter().zip(place(h)) {
-            momentum += mass * (0.5 * (before + after)).cross(&((after - before) / (2.0 * h)));
-        }
-    }
-    let found = Vector3::from(moved.momentum_kg_m2_s());
-    assert!((found - momentum).norm() < 1e-8, "{found} {momentum}");
-}
-
 #[test]
 fn a_spin_is_kept() {
     let mut drone = drone(&TwoAxisParameters::PHYS, 0.3, 0.0, [0.0, 0.0, 1.0]);

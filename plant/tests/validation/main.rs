@@ -3,7 +3,6 @@
 //! `docs/explanation/model.md` has the table, and why two of the figures cannot be reproduced.
 
 mod checks;
-mod conservation;
 #[path = "../reference_states/newton_euler.rs"]
 mod newton_euler;
 mod printed;

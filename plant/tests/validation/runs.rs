@@ -90,7 +90,7 @@ fn scenario(text: &str) -> Vec<Row> {
 
 /// Kinetic and potential energy, in J; the potential is zero with the centre of mass at the pivot's
 /// height.
-pub(crate) fn energy_j(mechanism: &Mechanism, state: &State) -> (f64, f64) {
+fn energy_j(mechanism: &Mechanism, state: &State) -> (f64, f64) {
     let at = mechanism.configuration(state.crank_rad);
     let (w0, v1) = (state.pitch_rate_rad_s, state.crank_rate_rad_s);
     let (sin, cos) = state.pitch_rad.sin_cos();
@@ -102,7 +102,7 @@ pub(crate) fn energy_j(mechanism: &Mechanism, state: &State) -> (f64, f64) {
 }
 
 /// Angular momentum of all bodies about the pivot, in kg m2/s.
-pub(crate) fn momentum_kg_m2_s(mechanism: &Mechanism, state: &State) -> f64 {
+fn momentum_kg_m2_s(mechanism: &Mechanism, state: &State) -> f64 {
     let at = mechanism.configuration(state.crank_rad);
     at.m00 * state.pitch_rate_rad_s + at.m01 * state.crank_rate_rad_s
 }

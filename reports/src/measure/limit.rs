@@ -21,7 +21,7 @@ use Limit::{AtLeast, AtMost, Below, Near, Set, Within};
 
 impl Limit {
     /// The least and the greatest value that meet it.
-    pub(super) fn range(self) -> (f64, f64) {
+    pub fn range(self) -> (f64, f64) {
         match self {
             AtMost(most) | Below(most) => (f64::NEG_INFINITY, most),
             AtLeast(least) => (least, f64::INFINITY),

@@ -62,7 +62,7 @@ impl Analysis {
             row
         };
         let derivatives = (0..4).map(|i| matrix_row(format!("{}'", STATES[i]), a[i], b[i]));
-        let output = matrix_row("y = theta0".into(), c, model.d);
+        let output = matrix_row("y = theta0".into(), c, 0.0);
         Figures::from([
             self.point_figures(),
             note(self.place()),
@@ -73,7 +73,7 @@ impl Analysis {
             data("A", &a),
             data("B", &b),
             data("C", &c),
-            figure("D", model.d),
+            figure("D", 0.0),
             complex("poles", &model.poles(), "poles, rad/s"),
             complex("zeros", &model.zeros(), "zeros, rad/s"),
             rank("controllability", model.controllability()),

@@ -82,7 +82,7 @@ fn setup(options: &Fly, vehicle: &Vehicle) -> Result<Setup> {
     }
     if let Some(filter) = options.filter {
         let stored = setup.rig.stored.get_or_insert_default();
-        store(stored, &[("FUSE_FILTER".to_owned(), filter.value())])?;
+        store(stored, [("FUSE_FILTER", filter.value())])?;
     }
     options.sensor.fit(&mut setup.rig)?;
     vehicle.hang(&mut setup.rig)?;

@@ -296,7 +296,7 @@ impl Flying<'_> {
         if case.accelerometer {
             parameters.push(("FUSE_ACC".to_owned(), 1.0));
         }
-        store(stored, &parameters)?;
+        store(stored, parameters)?;
         let burn_s = on_pad.parameters.rocket.burn_s;
         let ready = prepare(self.image, &setup, &mut |_| ())?;
         let length_s = burn_s + COAST_S;
