@@ -127,7 +127,7 @@ def main():
         browser = None
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             port = f"{folder}/nano"
-            rig = ("--blank", "--sensor", "worst", "--cm-offset", "5", "--speed", "2", "--tilt", "0.3")
+            rig = ("--blank", "--sensor-errors", "worst", "--cm-offset", "5", "--speed", "2", "--tilt", "0.3")
             try:
                 running.append(start(options.tvc, "rig", "--pty", "--link", port, *rig)[0])
                 web, url = start(options.tvc, "web", "--port", port, "--listen", "127.0.0.1:0", "--logs", folder)

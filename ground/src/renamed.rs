@@ -1,4 +1,4 @@
-//! Names that commands and options had in version 0.1.0, for one more release: what was renamed
+//! Names that commands and options had in version 0.1.0, until the next version: what was renamed
 //! works and says its present name; what went elsewhere says where.
 
 use std::ffi::{OsStr, OsString};

@@ -109,11 +109,11 @@ pub struct RigChoice {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 
-    /// Tilt at which the clamp holds the drone, in rad (0 to 0.87).
+    /// Tilt at which the clamp holds the drone, in rad (-0.87 to 0.87).
     #[arg(long, value_name = "RAD", default_value_t = 0.4, allow_negative_numbers = true, value_parser = tilt_angle)]
     pub tilt: f64,
 
-    /// The same to the side, right side down positive, with --vehicle drone2.
+    /// The same to the side, right side down positive, with two axes or a rocket.
     #[arg(long, value_name = "RAD", default_value_t = 0.0, allow_negative_numbers = true, value_parser = tilt_angle)]
     pub roll: f64,
 

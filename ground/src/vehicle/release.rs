@@ -24,8 +24,8 @@ Examples:
   tvc release --yes --seconds 5      without a question, for five seconds
   tvc release --yes --seconds 5 --rig    arms the virtual rig and lets it go
 
-The vehicle must be armed. However the command ends (Ctrl-C, SIGTERM, SIGHUP, an error), the vehicle
-is disarmed. Meanwhile FS_HOST is 1: if the tool is killed or the port goes away, the vehicle goes to
+The vehicle must be armed. Once it is let go, it is disarmed however the command ends (Ctrl-C, SIGTERM,
+SIGHUP, an error). Meanwhile FS_HOST is 1: if the tool is killed or the port goes away, the vehicle goes to
 its failsafe, with the rudder at neutral, after three seconds. `tvc test` measures a release.
 Exit status: 0 released and disarmed again, 1 refused, declined, or a failsafe, 2 unusable input.")]
 pub struct Release {
@@ -98,9 +98,9 @@ fn release(vehicle: &mut Watched, is_over: impl Fn(Duration) -> bool) -> Result<
             received => received?,
         };
         match vehicle.state() {
-            Some(StateKind::Failsafe) => bail!("the vehicle gave up: {}", vehicle.reason()),
+            Some(StateKind::Armed | StateKind::Active) | None => {}
             Some(StateKind::Standby) => bail!("the vehicle was disarmed by somebody else"),
-            _ => {}
+            Some(_) => bail!("the vehicle gave up: {}", vehicle.reason()),
         }
     }
     Ok((vehicle.now() - begun).as_secs_f64())

@@ -3,8 +3,7 @@
 
 use std::path::PathBuf;
 
-use crate::running::{assert_refused, said, tvc};
-use serde_json::Value;
+use crate::running::{object, said, tvc};
 
 /// The image, built once for all runs.
 fn image(folder: &std::path::Path) -> PathBuf {
@@ -18,8 +17,7 @@ fn image(folder: &std::path::Path) -> PathBuf {
 fn rows(image: &str, options: &str) -> (Option<i32>, Vec<[String; 3]>) {
     let rig = format!("--rig=--image {image} {options}");
     let output = tvc(&["bringup", rig.trim_end(), "--json"]);
-    let told: Value = serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|error| panic!("{options}: {error}: {}", said(&output)));
+    let told = object(&output);
     let rows =
         told["rows"].as_array().unwrap().iter().map(|row| {
             ["check", "result", "found"].map(|key| row[key].as_str().unwrap().to_owned())
@@ -68,11 +66,4 @@ fn each_planted_difference_shows_in_its_own_row_alone() {
         assert_eq!(strange(&all), [(check, result)], "{hardware}: {all:#?}");
         assert_eq!(status, Some(1), "{hardware}");
     }
-}
-
-#[test]
-fn what_makes_no_sense_is_refused() {
-    assert_refused(&["bringup", "--port", "/dev/no-such-port"], "no port");
-    assert_refused(&["bringup", "--rig=--hardware jumper=maybe"], "jumper=yes|no");
-    assert_refused(&["bringup", "--rig", "--port", "x"], "cannot be used with");
 }

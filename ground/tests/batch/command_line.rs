@@ -3,15 +3,7 @@
 
 use std::path::Path;
 
-use crate::running::{self, assert_refused, tvc};
-
-/// A command that went to the laboratory says so for one release.
-#[test]
-fn a_command_that_went_elsewhere_says_where() {
-    for name in ["cycles", "faults", "hardware", "profile", "stack"] {
-        assert_refused(&[name, "--json"], &format!("`cargo lab {name}`"));
-    }
-}
+use crate::running::{self, object, tvc};
 
 /// A sensor that resets at 1.2 s ends in failsafe; the same flight stays active without that.
 #[test]
@@ -47,10 +39,8 @@ fn a_rough_flight_comes_from_a_file_and_stays_in_control() {
         "--report",
         report.to_str().unwrap(),
     ]);
-    let said = String::from_utf8_lossy(&output.stderr);
-    let flight: serde_json::Value =
-        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
-    assert_eq!(flight["runs"][0]["stayed_active"], true, "{said}");
+    let flight = object(&output);
+    assert_eq!(flight["runs"][0]["stayed_active"], true);
     assert_eq!(flight["faults"][0]["probability"], 0.001);
     assert_eq!(flight["faults"][1]["stretch_ms"], 2.0);
     let disturbances = &flight["disturbances"];
@@ -68,9 +58,7 @@ fn a_disturbed_flight_says_what_disturbed_it() {
     let fly = |options: &[&str]| -> serde_json::Value {
         let path = report.to_str().unwrap();
         let common = ["fly", "--json", "--start", "0.4", "--report", path];
-        let output = tvc(&[&common, options].concat());
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"))
+        object(&tvc(&[&common, options].concat()))
     };
     let (calm, shaken) = (fly(&[]), fly(&["--vibration", "5,180", "--thrust-ramp", "10,0.5"]));
     assert!(calm.get("disturbances").is_none());
@@ -114,20 +102,8 @@ fn a_flight_as_json_is_one_object_and_the_same_seed_gives_the_same_flight() {
     let folder = tempfile::tempdir().unwrap();
     let report = folder.path().join("fly.html");
     let fly = || {
-        let output = tvc(&[
-            "fly",
-            "--json",
-            "--start",
-            "0.4",
-            "--seed",
-            "3",
-            "--report",
-            report.to_str().unwrap(),
-        ]);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        let object: serde_json::Value = serde_json::from_slice(&output.stdout)
-            .unwrap_or_else(|error| panic!("{error}: {said}"));
-        object
+        let report = report.to_str().unwrap();
+        object(&tvc(&["fly", "--json", "--start", "0.4", "--seed", "3", "--report", report]))
     };
     let (one, two) = (fly(), fly());
     for (part, keys) in [

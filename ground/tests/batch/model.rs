@@ -9,10 +9,6 @@ fn tvc(arguments: &[&str]) -> Output {
     running::tvc(&[&["model"], arguments].concat())
 }
 
-fn assert_refused(arguments: &[&str], part: &str) {
-    running::assert_refused(&[&["model"], arguments].concat(), part);
-}
-
 fn at_root(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
@@ -96,33 +92,6 @@ fn without_out_the_trajectory_goes_to_standard_output() {
         tvc(&["simulate", text(&at_root("scenarios/thrust_and_torque.toml")), "--dt", "0.5"]);
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.starts_with("t,theta0,") && text.lines().count() == 6);
-}
-
-/// Status 2, nothing on standard output, one line that names file and key, and no file.
-#[test]
-fn mistakes_name_the_key_and_the_file_and_write_nothing() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("mistake.toml");
-    let out = folder.path().join("run.csv");
-    for (scenario, key) in [
-        ("seconds = 1\n[drone]\nbody_mass_kg = 0", "body_mass_kg"),
-        ("seconds = 1\n[drone]\nlink_length_m = 0.03", "link_length_m"),
-        ("seconds = 1\n[drone]\nbody_mass = 1", "`body_mass`"),
-        ("seconds = 1\n[drone]\npreset = \"MAPLE\"", "MAPLE"),
-        ("seconds = 1\n[drones]\nx = 1", "`drones`"),
-        ("seconds = 1\n[input]\ntorque = 1", "`torque`"),
-        ("seconds = 1\n[input]\ntorque_n_m = [[0, 0], [1, 1], [1, 2]]", "torque_n_m"),
-        ("seconds = 1\n[input]\ncrank_rad = []", "crank_rad"),
-        ("seconds = 1\n[start]\npitch_rad = \"3 kg\"", "pitch_rad"),
-        ("dt_s = 1", "seconds"),
-        ("seconds = ", "line 1"),
-    ] {
-        std::fs::write(&path, scenario).unwrap();
-        let arguments = ["simulate", text(&path), "--out", text(&out)];
-        assert_refused(&arguments, "mistake.toml");
-        assert_refused(&arguments, key);
-        assert!(!out.exists());
-    }
 }
 
 /// Runs a command with `--json` and a report, and gives the object and the report's text.

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use crate::running;
+use crate::running::{self, object};
 use crate::vehicle::{PATIENCE, Rig};
 
 #[test]
@@ -193,9 +193,7 @@ fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
     let (log, page) = (rig.path("step.tlog"), rig.path("step.html"));
     let output =
         rig.tvc(&["test", "step", "--seconds", "2", "--log", &log, "--report", &page, "--json"]);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    let figures: Value =
-        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
+    let figures = object(&output);
     let run = &figures["runs"][0];
     assert_eq!(run["stayed_active"], true, "{run}");
     assert!(run["settling_5pct_s"].as_f64().unwrap() < 1.5, "{run}");
@@ -316,39 +314,6 @@ fn a_test_that_ends_in_a_fall_still_tells_what_it_has_seen() {
     assert!(error.starts_with("the vehicle gave up: "), "{object}");
     assert!(said.lines().last().unwrap().ends_with(error), "{said}");
     assert!(std::fs::read_to_string(&page).unwrap().contains("Release 1"));
-}
-
-#[test]
-fn a_port_that_cannot_be_opened_leaves_no_log() {
-    let folder = tempfile::tempdir().unwrap();
-    let log = folder.path().join("a.tlog");
-    let path = log.to_str().unwrap();
-    let busy = folder.path().join("no-port");
-    std::fs::write(&busy, "no serial port").unwrap();
-    for port in ["/dev/no-such-port", busy.to_str().unwrap()] {
-        for command in [
-            &["record", path][..],
-            &["monitor", "--log", path],
-            &["forward", "--log", path],
-            &["test", "step", "--log", path],
-        ] {
-            assert_eq!(tvc(&[command, &["--port", port]].concat()).0, Some(2));
-            assert!(!log.exists(), "{command:?}");
-        }
-    }
-}
-
-#[test]
-fn what_is_no_log_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("no.tlog");
-    std::fs::write(&path, b"something else altogether").unwrap();
-    for command in ["replay", "report"] {
-        let (status, text) = tvc(&[command, path.to_str().unwrap()]);
-        assert_eq!((status, text.as_str()), (Some(2), ""));
-        assert_eq!(tvc(&[command, "no/such.tlog"]).0, Some(2));
-    }
-    assert!(!folder.path().join("no.html").exists());
 }
 
 #[test]

@@ -1,11 +1,9 @@
 //! What a person does before and around a flight by hand: look, reboot, release.
 
-use std::process::{Output, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
-
-use crate::running::{Running, command, said, tvc};
+use crate::running::{Running, command, object, said, tvc};
 
 /// A machine that is busy with other tests runs the rig slower than real time.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -16,11 +14,6 @@ fn rig(folder: &tempfile::TempDir, options: &[&str]) -> (Running, String) {
     let fixed = ["rig", "--pty", "--seconds", "600", "--link", &link];
     let (rig, _) = Running::start(&[&fixed[..], options].concat());
     (rig, link)
-}
-
-fn object(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|error| panic!("{error}: {}", said(output)))
 }
 
 #[test]

@@ -31,6 +31,11 @@ pub(crate) fn said(output: &Output) -> String {
 /// The object on standard output of a command that must succeed.
 pub(crate) fn json(output: &Output) -> Value {
     assert_eq!(output.status.code(), Some(0), "{}", said(output));
+    object(output)
+}
+
+/// The object on standard output, whatever the status.
+pub(crate) fn object(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout)
         .unwrap_or_else(|error| panic!("{error}: {}", said(output)))
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde::Deserialize;
 
 use crate::running::keys::assert_keys;
-use crate::running::{assert_refused, tvc};
+use crate::running::tvc;
 
 #[derive(Deserialize)]
 struct Report {
@@ -111,17 +111,4 @@ fn updates_keep_their_limits_on_the_chip() {
     surface.cost.assert_measured("surface", "fixed");
     let cycles = surface.cost.cycles_mean;
     assert!(cycles <= 2_750.0, "{cycles} cycles");
-}
-
-#[test]
-fn a_filter_or_law_that_is_not_there_is_refused_with_those_that_are() {
-    let cases = [
-        (&["--filter", "ekf"][..], "no filter ekf; there are ahrs-madgwick"),
-        (&["--library", "xio"], "no library xio; there are ahrs"),
-        (&["--library", "ahrs", "--filter", "gyro"], "ahrs has no filter gyro"),
-        (&["--law", "backstepping"], "no law backstepping; there are all, fixed-pd"),
-    ];
-    for (arguments, part) in cases {
-        assert_refused(&[&["cycles"], arguments].concat(), part);
-    }
 }

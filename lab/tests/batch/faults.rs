@@ -1,6 +1,6 @@
 //! `lab faults` in short campaigns.
 
-use crate::running::{command, tvc};
+use crate::running::{command, object, tvc};
 
 #[test]
 fn faults_as_json_are_one_object_that_adds_up() {
@@ -22,8 +22,7 @@ fn faults_as_json_are_one_object_that_adds_up() {
     ]);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(0), "{said}");
-    let object: serde_json::Value =
-        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
+    let object = object(&output);
     let faults = object["faults"].as_array().unwrap();
     let kinds: Vec<_> = faults.iter().map(|row| row["kind"].as_str().unwrap()).collect();
     assert_eq!(kinds, ["unplugged", "spikes"]);

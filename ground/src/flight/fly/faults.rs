@@ -121,21 +121,6 @@ mod tests {
     }
 
     #[test]
-    fn strengths_out_of_range_or_place_are_named() {
-        for (entry, word) in [
-            ("kind = \"spikes\"\nprobability = 1.5", "probability"),
-            ("kind = \"spikes\"\nclocks = 3", "spikes has no clocks"),
-            ("kind = \"frozen\"\nstretch_ms = 3", "no stretch_ms"),
-            ("kind = \"long-stretch\"\nstretch_ms = -1", "stretch_ms"),
-            ("kind = \"sda-held\"\nclocks = 10", "clocks"),
-            ("kind = \"spikes\"\nstrength = 1", "unknown field"),
-        ] {
-            let error = fault(entry).unwrap_err();
-            assert!(error.contains(word), "{entry}: {error}");
-        }
-    }
-
-    #[test]
     fn a_fault_may_come_with_the_power_and_stay() {
         let text = "[[fault]]\nkind = \"unplugged\"\nsince = \"power-on\"\nat_s = 20\n";
         let faults = parsed(text).map(|scenario| scenario.faults);

@@ -32,8 +32,12 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     use VehicleKind::{Drone, Drone2, Rocket};
     // An unreadable recording is reported before minutes of building.
     let recording = options.recording.as_deref().map(recording::open).transpose()?;
-    let scenario = faults::read(options.faults.as_deref(), options.seed, flights::FLIGHT_S)?;
     let vehicle = options.vehicle.read(options.servo)?;
+    let length_s = match vehicle.kind {
+        Rocket => rocket::longest_s(&vehicle.airframes),
+        Drone | Drone2 => flights::FLIGHT_S,
+    };
+    let scenario = faults::read(options.faults.as_deref(), options.seed, length_s)?;
     let disturbances = options.disturb.over(scenario.disturbances);
     if vehicle.kind == Rocket {
         rocket::check(options, &disturbances)?;
@@ -115,7 +119,7 @@ impl Flying<'_> {
 
     /// The `count` seeds of a campaign, with the side that each is flown to.
     fn seeded(&self, count: u32) -> impl Iterator<Item = (u64, f64)> {
-        let seeds = (0..u64::from(count)).map(|index| self.options.seed + index);
+        let seeds = (0..u64::from(count)).map(|index| self.options.seed.wrapping_add(index));
         seeds.map(|seed| (seed, if seed.is_multiple_of(2) { -1.0 } else { 1.0 }))
     }
 }

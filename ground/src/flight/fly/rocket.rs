@@ -122,6 +122,11 @@ struct Run<'a> {
     path: Vec<(f64, f64)>,
 }
 
+/// Length of the longest flight of these, s.
+pub fn longest_s(airframes: &[Airframe]) -> f64 {
+    airframes.iter().map(|airframe| airframe.rocket().burn_s).fold(0.0, f64::max) + COAST_S
+}
+
 /// Options and disturbances that have no meaning for a rocket are refused by name.
 ///
 /// # Errors

@@ -205,11 +205,3 @@ fn a_full_state_under_other_parameters_is_not_compared() {
     let (pairs, _) = replay(&flight, &BTreeMap::new()).unwrap();
     assert_eq!(compare(&pairs).compared, 0);
 }
-
-#[test]
-fn parameters_are_known_and_in_range() {
-    assert_eq!(parameter("PID_KD=0.2"), Ok(("PID_KD".into(), 0.2)));
-    for bad in ["PID_KD", "PID_KD=", "PID_KD=9", "PID_KQ=1"] {
-        assert!(parameter(bad).is_err(), "{bad}");
-    }
-}

@@ -117,7 +117,7 @@ pub fn clocks(session: &mut Session) -> Result<Vec<Row>> {
     while session.now() < until {
         let told = session.peek_at(USB_FRAME)?;
         if let Some(before) = last.replace(told) {
-            frames += i64::from(told.time_ms - before.time_ms) + lost_ms(before, told);
+            frames += passed_ms(before, told) + lost_ms(before, told);
         }
         points.push((f64::from(told.time_ms), frames as f64));
         session.listen(Duration::from_millis(15))?;
@@ -141,8 +141,7 @@ pub fn clocks(session: &mut Session) -> Result<Vec<Row>> {
         (467..=555).contains(&fine),
     );
     let counted = (slow_to.value & 0xFFFF).wrapping_sub(slow_from.value & 0xFFFF) & 0xFFFF;
-    let passed_ms = slow_to.time_ms - slow_from.time_ms;
-    let ratio = f64::from(counted) / 1.024 / f64::from(passed_ms.max(1));
+    let ratio = f64::from(counted) / 1.024 / passed_ms(slow_from, slow_to).max(1) as f64;
     let slow = SLOW_CLOCK.within(ratio, 0.87..=1.25, "of 32,768 Hz");
     Ok(vec![clock, free, slow])
 }
@@ -264,12 +263,16 @@ pub fn flash(session: &mut Session) -> Result<Row> {
     Ok(FLASH.within(lost, LOST_MS, "ms of the processor's time lost"))
 }
 
+/// By the processor's clock; below zero where a reset has begun it anew.
+fn passed_ms(before: BoardValue, after: BoardValue) -> i64 {
+    i64::from(after.time_ms) - i64::from(before.time_ms)
+}
+
 /// Frames of USB, each a millisecond, beyond those that the processor's clock has counted between
 /// two looks at [`USB_FRAME`]. The number has 11 bits, which come round every two seconds.
 fn lost_ms(before: BoardValue, after: BoardValue) -> i64 {
     let number = |look: BoardValue| i64::from(look.value >> 3 & 0x7FF);
-    let passed = i64::from(after.time_ms - before.time_ms);
-    (number(after) - number(before) - passed + 1024).rem_euclid(2048) - 1024
+    (number(after) - number(before) - passed_ms(before, after) + 1024).rem_euclid(2048) - 1024
 }
 
 /// Of a save at the data sheet's longest times, less what SysTick still counts.

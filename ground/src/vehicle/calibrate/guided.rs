@@ -56,7 +56,7 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     }
     print_json_if(options.vehicle.json, &figures)?;
     written?;
-    Ok(Verdict::of(!ending.refused))
+    Ok(Verdict::of(ending.met))
 }
 
 /// What is wanted of what the vehicle's sensor has.

@@ -35,7 +35,10 @@ use session::Session;
 /// The recording or the vehicle cannot be used, or a file cannot be written.
 pub fn run(options: &Calibrate) -> Result<Verdict> {
     match (&options.step, &options.from) {
-        (Some(SetUp::Servo(servo)), _) => servo::run(servo, options),
+        (Some(SetUp::Servo(given)), _) => {
+            servo::check(given)?;
+            lead(options, |session| servo::set_up(session, given))
+        }
         (Some(SetUp::Polarity), _) => lead(options, polarity::check),
         (Some(SetUp::Hold { seconds }), _) => {
             lead(options, |session| hold::measure(session, *seconds))
@@ -66,5 +69,8 @@ fn lead(
     let (figures, ending) = step(&mut session)?;
     print_json_if(options.vehicle.json, &figures)?;
     eprintln!("{}{}", if ending.refused { "refused: " } else { "" }, ending.words);
-    Ok(Verdict::of(!ending.refused))
+    if ending.met && !session.is_polarity_checked()? {
+        eprintln!("next: tvc calibrate polarity, without which nothing is armed");
+    }
+    Ok(Verdict::of(ending.met))
 }

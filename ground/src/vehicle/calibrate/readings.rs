@@ -14,7 +14,7 @@ use flights::log::each_message;
 use report::exit::BadInput;
 use report::kind::is_log;
 
-/// Fewest samples: a second of them.
+/// Fewest samples.
 const FEWEST: usize = 100;
 
 /// Reads a telemetry log, CSV of counts or of SI units, or IMUQ16v1.
@@ -43,7 +43,7 @@ pub fn read(path: &Path) -> Result<Readings> {
     let count = readings.samples.len();
     if count < FEWEST {
         bail!(BadInput::new(format!(
-            "{} has {count} samples with all of gyroscope and accelerometer, which is less than a second",
+            "{} has {count} samples with all of gyroscope and accelerometer, fewer than {FEWEST}",
             path.display(),
         )));
     }

@@ -10,11 +10,10 @@ use tvc_nano::{Axis, Params};
 
 use super::figures::named;
 use super::keyboard::is_yes;
-use super::options::{Calibrate, Servo};
+use super::options::Servo;
 use super::person::{Ending, Question};
 use super::session::{Session, UNCHANGED};
-use report::exit::{BadInput, Verdict};
-use report::file::print_json_if;
+use report::exit::BadInput;
 use report::measure::{Figures, figure, shown};
 
 /// Time after which a pulse is commanded again; the vehicle holds it for two seconds.
@@ -32,22 +31,6 @@ const NAMES: [[&str; 5]; Axis::COUNT] = [
     ["SRV_CENTRE_US", SCALE, "SRV_DIR", "SRV_MIN_US", "SRV_MAX_US"],
     ["SRV2_CENTRE_US", SCALE, "SRV2_DIR", "SRV2_MIN_US", "SRV2_MAX_US"],
 ];
-
-/// Sets up the servo of the vehicle at a port.
-///
-/// # Errors
-/// A value that the firmware does not take, a vehicle that does not answer, or Ctrl-C.
-pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
-    check(given)?;
-    let mut session = Session::connect(options)?;
-    let (figures, ending) = set_up(&mut session, given)?;
-    eprintln!("{}", ending.words);
-    if ending.met && !session.is_polarity_checked()? {
-        eprintln!("next: tvc calibrate polarity, without which nothing is armed");
-    }
-    print_json_if(options.vehicle.json, &figures)?;
-    Ok(Verdict::of(ending.met))
-}
 
 /// Asks the person for the values that are not given, and writes all of them if the person agrees.
 ///
@@ -76,7 +59,10 @@ pub fn set_up(session: &mut Session, given: &Servo) -> Result<(Figures, Ending)>
 }
 
 /// Checks that the firmware takes what is given.
-fn check(given: &Servo) -> Result<()> {
+///
+/// # Errors
+/// [`BadInput`] that names the option.
+pub fn check(given: &Servo) -> Result<()> {
     const OPTIONS: [&str; 5] = ["--centre", "--us-per-deg", "--direction", "--min", "--max"];
     let values = [given.centre, given.us_per_deg, given.direction, given.min, given.max];
     let all = OPTIONS.into_iter().zip(NAMES[given.axis().index()]).zip(values);

@@ -173,7 +173,7 @@ pub struct Test {
     pub stage: String,
     /// Its log.
     pub log: String,
-    /// Its figures and trace.
+    /// Its figures.
     pub result: Value,
 }
 

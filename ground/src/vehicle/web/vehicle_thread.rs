@@ -56,6 +56,8 @@ pub fn run(
     stop: &AtomicBool,
 ) -> Result<()> {
     let mut link = Some(first);
+    // A vehicle whose cable alone was out keeps its watch.
+    let mut host = HostWatch::default();
     // The port went away while the vehicle was armed.
     let mut left_armed = false;
     while !stop.load(Ordering::Relaxed) {
@@ -63,10 +65,12 @@ pub fn run(
         let problem = match link.take().map_or_else(open, Ok) {
             Ok(link) => {
                 let mut session = Session::new(link, model, logs);
+                session.host = host.at_new_port();
                 let Err(gone) = session.run(&asks, stop) else {
                     session.rest();
                     return session.close();
                 };
+                host = std::mem::take(&mut session.host);
                 left_armed = session.is_in_operation();
                 session.close()?;
                 gone

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::truth;
 use crate::running::keys::assert_keys;
-use crate::running::{self, json, said};
+use crate::running::{self, json, object, said};
 
 /// A rig in the process of each command, which keeps what the vehicle stores from one to the next.
 struct Rig {
@@ -160,7 +160,8 @@ fn who_does_not_agree_keeps_the_vehicle_as_it_is() {
     let rig = Rig::start("");
     let before = rig.parameters();
     let output = rig.typing("n\n", &["calibrate", "--only", "gyr"]);
-    assert_eq!(json(&output)["written"], false);
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert_eq!(object(&output)["written"], false);
     assert!(said(&output).contains("the vehicle is as it was"));
     assert_eq!(rig.parameters(), before);
     let output = rig.typing("y\n", &["calibrate", "--only", "gyr"]);

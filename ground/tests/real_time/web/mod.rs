@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use crate::running::{self, json as object, refused, tvc};
+use crate::running::{self, json as object, tvc};
 use page::{Server, rig as rig_at, signal, vehicle};
 
 /// What the vehicle at `port` has of a parameter.
@@ -222,17 +222,4 @@ fn a_port_that_went_away_is_said_and_found_again() {
     let _second = rig_at(&port);
     page.wait_for("standby");
     page.arm();
-}
-
-#[test]
-fn what_cannot_be_served_is_said_in_a_line() {
-    let said = refused(&["web", "--listen", "127.0.0.1:0", "--port", "/dev/no-such-port"]);
-    assert!(said.contains("no port /dev/no-such-port"), "{said}");
-    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = taken.local_addr().unwrap().to_string();
-    let said = refused(&["web", "--listen", &address]);
-    assert!(said.contains(&address) && said.contains("--listen"), "{said}");
-    let said = refused(&["web", "--logs", "/no/such/folder"]);
-    assert!(said.contains("--logs"), "{said}");
-    refused(&["web", "--listen", "8650"]);
 }

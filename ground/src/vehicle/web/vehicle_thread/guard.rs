@@ -41,6 +41,16 @@ impl HostWatch {
         self.on && !self.chosen
     }
 
+    /// The same at a port that was opened again, where nothing is asked yet.
+    pub(super) fn at_new_port(self) -> Self {
+        Self { on: self.on, chosen: self.chosen, ..Self::default() }
+    }
+
+    /// The vehicle's flash says that it is on: that is an operator's wish.
+    pub(super) fn is_stored(&mut self) {
+        self.on = false;
+    }
+
     /// Takes note of what a page asks for.
     pub(super) fn before(&mut self, request: &Request) {
         self.chosen |= matches!(request, Request::Set(row) if row.name == FS_HOST);

@@ -78,6 +78,9 @@ impl Session<'_> {
 
     fn take_stored(&mut self, bytes: &[u8; STORE_BYTES]) {
         let (params, loaded) = load_bytes(bytes);
+        if loaded != Loaded::Corrupt && params.value(FS_HOST) == Some(1.0) {
+            self.host.is_stored();
+        }
         self.stored.params = (loaded != Loaded::Corrupt).then_some(params);
         self.publish_parameters();
     }
