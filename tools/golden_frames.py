@@ -63,7 +63,6 @@ def frames():
     ]
     for sequence, (name, message) in enumerate(step):
         yield name, frame(message, sequence)
-    yield "attitude", frame(mavlink.MAVLink_attitude_message(1234, 0.5, -0.25, 3.0, 0.25, -1.5, 0.125), 5)
     yield "log_entry", frame(mavlink.MAVLink_log_entry_message(0, 1, 0, 0, 11020), 5)
     yield "timesync_answer", frame(mavlink.MAVLink_timesync_message(1_500_000_000, 77), 5)
     yield "unknown_command_ack", frame(mavlink.MAVLink_command_ack_message(31999, 3, 0, 0, 255, 190), 5)

@@ -14,7 +14,7 @@ mod states;
 
 use super::*;
 use crate::config::TEST_PULSE_US;
-use crate::failsafe::{Command, Crash, Latch, Reason};
+use crate::failsafe::{Command, Reason};
 use crate::servo::Servo;
 use tvc_imu::Refresh;
 
@@ -271,25 +271,23 @@ fn a_sample_that_is_too_old_when_it_comes_is_as_bad_as_none() {
 }
 
 #[test]
-fn gains_change_in_flight_and_the_frame_rate_does_not() {
+fn gains_change_in_flight_and_frame_rate_bus_calibration_and_mount_do_not() {
     let mut desk = Desk::active(0.4);
     desk.flight.set_param("PID_KP", 1.6).unwrap();
-    for (name, value) in [("SRV_RATE_HZ", 300.0), ("I2C_KHZ", 100.0), ("SRV_DIR", -1.0)] {
+    for (name, value) in [
+        ("SRV_RATE_HZ", 300.0),
+        ("I2C_KHZ", 100.0),
+        ("SRV_DIR", -1.0),
+        ("CAL_GYR_OY", 1.0),
+        ("MNT_PITCH_DEG", 1.0),
+    ] {
         assert_eq!(desk.flight.set_param(name, value), Err(ParamError::Armed { name }));
     }
+    assert_eq!(desk.flight.replace_params(params()), Err(ParamError::ArmedAll));
     desk.command(Command::Disarm).unwrap();
     desk.flight.set_param("SRV_RATE_HZ", 300.0).unwrap();
     assert_eq!(desk.flight.params().srv_rate_hz(), 300.0);
     desk.command(Command::Arm).unwrap();
-}
-
-/// What the estimator knows belongs to its sampling rate.
-#[test]
-fn another_sampling_rate_starts_the_attitude_over() {
-    let mut desk = Desk::in_standby(0.2);
-    desk.flight.set_param("I2C_KHZ", 400.0).unwrap();
-    desk.run(1);
-    assert_eq!(desk.command(Command::Arm), Err(Refusal::Settling));
 }
 
 #[test]

@@ -1,7 +1,6 @@
 //! A sample of the campaign of faults; `lab faults` carries out the whole of it.
 
-use crate::{firmware, ready};
-use rig::bench::{TwoAxes, VehicleConfig};
+use crate::{firmware, ready, with_two_axes};
 use rig::bno055::FaultKind;
 use rig::faults::{Campaign, Case, Ending, Kind, Phase, Plan, SystemKind};
 use rig::{Ready, ServoKind, Setup, Ticks, prepare};
@@ -232,10 +231,7 @@ fn a_flipped_bit_of_the_servo_timer_steers_for_a_moment_at_most() {
 fn vehicle(servo: ServoKind, two_axes: bool) -> Ready {
     let mut setup = Setup::with_polarity(servo, 1);
     if two_axes {
-        setup.rig.bench.vehicle = VehicleConfig::TwoAxes(TwoAxes::default());
-        let stored = setup.rig.stored.as_mut().unwrap();
-        stored.set("AXES", 2.0).unwrap();
-        stored.set("SRV2_POLARITY", 1.0).unwrap();
+        setup = with_two_axes(setup);
     }
     prepare(firmware(), &setup, &mut |_| {}).unwrap()
 }

@@ -4,7 +4,7 @@ use crate::{firmware, ready};
 use client::{Failure, StateKind};
 use rig::bno055::Fault;
 use rig::faults::neutral_us;
-use rig::ground_station::GroundStationError;
+use rig::ground_station::{Answer, GroundStationError};
 use rig::ground_truth::{Pulse, Step};
 use rig::{ProgramEnd, Ready, ResetCause, ServoKind, Setup, Ticks, prepare};
 use std::ops::RangeInclusive;
@@ -12,6 +12,11 @@ use tvc_nano::{Axis, Params};
 
 pub(crate) fn ms(ms: u64) -> Ticks {
     Ticks::from_ms(ms)
+}
+
+/// Whether the image refused an order.
+pub(crate) fn is_refused(answer: &Answer) -> bool {
+    matches!(answer, Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. }))
 }
 
 /// The neutral pulse of the default parameters, us.
@@ -76,15 +81,9 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     let reason = reason.unwrap_or_else(|| panic!("{fault:?}: {told:?}"));
     assert!(reason.contains(word), "{fault:?}: {reason}");
     // While the fault lasts there is no way out, and never one straight to active.
-    assert!(matches!(
-        station.arm(rig),
-        Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. })
-    ));
+    assert!(is_refused(&station.arm(rig)));
     if fault != Fault::ConfigReset {
-        assert!(matches!(
-            station.disarm(rig),
-            Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. })
-        ));
+        assert!(is_refused(&station.disarm(rig)));
     }
 
     rig.clear(fault);
@@ -93,14 +92,8 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     // The attitude and the gyro offset are found anew.
     station.run(rig, ms(8000)).unwrap();
     assert_eq!(station.state(), Some(StateKind::Failsafe), "{fault:?}: only the operator ends it");
-    assert!(matches!(
-        station.release(rig, 0.0),
-        Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. })
-    ));
-    assert!(matches!(
-        station.arm(rig),
-        Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. })
-    ));
+    assert!(is_refused(&station.release(rig, 0.0)));
+    assert!(is_refused(&station.arm(rig)));
     station.disarm(rig).unwrap();
     station.wait_for_state(rig, ms(500), StateKind::Standby).unwrap();
     station.arm(rig).unwrap();
@@ -257,10 +250,7 @@ fn a_hung_loop_is_reset_and_told() {
     station.wait_for_state(rig, ms(2000), StateKind::Latched).unwrap();
     let told = &station.received().texts[before..];
     assert!(told.iter().any(|t| t.contains("latched fault")), "{told:?}");
-    assert!(matches!(
-        station.arm(rig),
-        Err(GroundStationError::Request { failure: Failure::Refused { .. }, .. })
-    ));
+    assert!(is_refused(&station.arm(rig)));
     rig.environment.catch();
     rig.environment.tilt_clamp_to([0.0, 0.0]);
     station.disarm(rig).unwrap();

@@ -1,5 +1,6 @@
 //! Flights of the firmware image on the virtual rig, held to the requirements.
 
+use crate::faults::ms;
 use crate::{firmware, ready};
 use client::{Failure, Parameter, StateKind};
 use rig::bench::{Since, TimedFault};
@@ -11,10 +12,6 @@ use rig::{Ready, ServoKind, Setup, Ticks, fly_at_once, prepare};
 use tvc_nano::Axis;
 use tvc_nano::params::FilterKind;
 use tvc_nano::sensor::Kind;
-
-fn ms(ms: u64) -> Ticks {
-    Ticks::from_ms(ms)
-}
 
 #[test]
 fn the_image_is_small() {
@@ -105,11 +102,6 @@ fn a_release_at_the_first_instant_is_no_worse_whatever_the_gyro_offset() {
 #[test]
 fn flies_with_an_analog_servo() {
     flies(&Setup::with_polarity(ServoKind::S3003, 1), 0.75);
-}
-
-#[test]
-fn flies_with_a_digital_servo() {
-    flies(&Setup::with_polarity(ServoKind::Digital, 1), 0.55);
 }
 
 /// 5 mm of lateral offset ask for 2.3 deg of servo. The observer finds them in flight; a rudder

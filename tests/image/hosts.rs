@@ -1,5 +1,6 @@
 //! The image in flight while the host misbehaves.
 
+use crate::faults::ms;
 use crate::ready;
 use client::{StateKind, Wire, request};
 use rig::measure::LoopTiming;
@@ -12,10 +13,6 @@ use std::net::{Shutdown, TcpListener, TcpStream};
 const LENGTH: Ticks = Ticks::from_ms(1500);
 /// Largest deviation of a control period, us.
 const JITTER_US: f64 = 100.0;
-
-fn ms(ms: u64) -> Ticks {
-    Ticks::from_ms(ms)
-}
 
 /// Released and upright.
 fn in_flight() -> Ready {

@@ -16,6 +16,7 @@ mod sound;
 mod symbols;
 mod two_axes;
 
+use rig::bench::{TwoAxes, VehicleConfig};
 use rig::{Image, Ready, ServoKind, Setup, image, prepare};
 use std::sync::OnceLock;
 
@@ -26,6 +27,15 @@ fn firmware() -> &'static Image {
         Ok(image) => image,
         Err(error) => panic!("{error}"),
     })
+}
+
+/// The same with two rudders, both of which have been seen to answer.
+fn with_two_axes(mut setup: Setup) -> Setup {
+    setup.rig.bench.vehicle = VehicleConfig::TwoAxes(TwoAxes::default());
+    let stored = setup.rig.stored.as_mut().unwrap();
+    stored.set("AXES", 2.0).unwrap();
+    stored.set("SRV2_POLARITY", 1.0).unwrap();
+    setup
 }
 
 /// A rig with an S3003, parameters set, in standby.

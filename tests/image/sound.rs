@@ -1,7 +1,6 @@
 //! What the image does to vehicles that nothing is wrong with: a sample of `lab faults --sound`.
 
-use crate::firmware;
-use rig::bench::{TwoAxes, VehicleConfig};
+use crate::{firmware, with_two_axes};
 use rig::bno055::Fault;
 use rig::faults::{Alarms, Ending, Phase, Sound, SoundKind};
 use rig::{ServoKind, Setup, Ticks};
@@ -9,10 +8,7 @@ use rig::{ServoKind, Setup, Ticks};
 fn vehicle(servo: ServoKind, axes: usize, phase: Phase) -> Sound {
     let mut setup = Setup::with_polarity(servo, 1);
     if axes == 2 {
-        setup.rig.bench.vehicle = VehicleConfig::TwoAxes(TwoAxes::default());
-        let stored = setup.rig.stored.as_mut().unwrap();
-        stored.set("AXES", 2.0).unwrap();
-        stored.set("SRV2_POLARITY", 1.0).unwrap();
+        setup = with_two_axes(setup);
     }
     Sound::new(firmware(), setup, phase)
 }

@@ -3,25 +3,19 @@
 
 use crate::campaign::beyond_the_sensor;
 use crate::faults::ms;
-use crate::firmware;
-use client::{Failure, StateKind};
-use rig::bench::{TwoAxes, VehicleConfig};
+use crate::parameters::changes_cost_no_tick;
+use crate::{firmware, with_two_axes};
+use client::StateKind;
 use rig::bno055::Fault;
 use rig::flight::Release;
-use rig::ground_station::GroundStationError;
-use rig::measure::LoopTiming;
 use rig::{GroundStation, Ready, Rig, ServoKind, Setup, Ticks, prepare};
 use std::sync::OnceLock;
 use tvc_nano::Axis;
 
 /// The two-axis drone in standby, its nose to the east.
 fn setup(servo: ServoKind) -> Setup {
-    let mut setup = Setup::with_polarity(servo, 3);
-    setup.rig.bench.vehicle = VehicleConfig::TwoAxes(TwoAxes::default());
+    let mut setup = with_two_axes(Setup::with_polarity(servo, 3));
     setup.rig.bench.heading_rad = std::f64::consts::FRAC_PI_2;
-    let stored = setup.rig.stored.as_mut().unwrap();
-    stored.set("AXES", 2.0).unwrap();
-    stored.set("SRV2_POLARITY", 1.0).unwrap();
     setup
 }
 
@@ -160,46 +154,10 @@ fn assert_at_neutral(rig: &Rig, from: Ticks, time: Ticks) {
     }
 }
 
-#[test]
-fn nothing_is_armed_before_the_second_rudder_has_been_seen_to_answer() {
-    let mut ready = ready();
-    let Ready { rig, station, .. } = &mut ready;
-    station.set_parameter(rig, "SRV2_POLARITY", 0.0).unwrap();
-    let refused = station.arm(rig).unwrap_err();
-    assert!(
-        matches!(refused, GroundStationError::Request { failure: Failure::Refused { .. }, .. }),
-        "{refused}"
-    );
-    let unseen = station.set_parameter(rig, "SRV2_POLARITY", 1.0);
-    assert!(unseen.is_err(), "as a file of parameters would say it");
-    for value in [2.0, 1.0] {
-        station.set_parameter(rig, "SRV2_POLARITY", value).unwrap();
-    }
-    // Two changes between two ticks may cost a step.
-    station.run(rig, ms(50)).unwrap();
-    station.arm(rig).unwrap();
-}
-
 /// Two laws take over a parameter in flight one after the other, so that no tick is lost by it.
 #[test]
 fn a_parameter_that_changes_in_flight_costs_no_tick() {
-    let mut ready = ready();
-    let Ready { rig, station, .. } = &mut ready;
-    station.arm(rig).unwrap();
-    station.release(rig, 0.0).unwrap();
-    station.run(rig, ms(1000)).unwrap();
-    let from = rig.now();
-    for round in 0..12 {
-        for (name, value) in [("PID_KP", 1.9), ("SFC_CURVE", 0.85), ("PITCH_GAIN", 31.0)] {
-            let value = value + 0.01 * round as f32;
-            station.set_parameter(rig, name, value).unwrap();
-            station.run(rig, ms(5)).unwrap();
-        }
-    }
-    let timing = LoopTiming::over(rig.truth(), from..rig.now());
-    assert!(timing.jitter_us_max < 100.0, "{timing:?}");
-    assert!(timing.steps.abs_diff(timing.bursts) <= 1, "{timing:?}");
-    assert_eq!(station.state(), Some(StateKind::Active));
+    changes_cost_no_tick(ready());
 }
 
 #[test]

@@ -69,21 +69,6 @@ fn before_frame_five() -> Telemetry {
 }
 
 #[test]
-fn angles_are_byte_for_byte_what_pymavlink_sends() {
-    let mut telemetry = before_frame_five();
-    telemetry.send_event(&ATTITUDE_DATA {
-        time_boot_ms: 1234,
-        roll: 0.5,
-        pitch: -0.25,
-        yaw: 3.0,
-        rollspeed: 0.25,
-        pitchspeed: -1.5,
-        yawspeed: 0.125,
-    });
-    assert_eq!(telemetry.pending(), golden("attitude"));
-}
-
-#[test]
 fn arms_by_either_version_of_the_protocol_signed_or_not_and_by_either_command() {
     for frame in ["arm_v2", "arm_v1", "arm_signed", "arm_int"] {
         let mut link = Link::new(Desk::in_standby(0.1));
