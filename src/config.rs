@@ -99,7 +99,7 @@ pub const HALTED_BURSTS: u8 = 2;
 pub const SELF_TEST_RATE_HZ: u32 = 95;
 
 /// Largest change of a gyro axis within the self-test, in counts of 1/16 deg/s: 3 deg/s, some
-/// fifteen times the noise of the BMG160 at 116 Hz bandwidth (0.15 deg/s rms), and more at the 47
+/// twenty times the noise of the BMG160 at 116 Hz bandwidth (0.15 deg/s rms), and more at the 47
 /// Hz that are set.
 pub const SELF_TEST_GYRO_SPAN: i16 = (3.0 * GYR_COUNTS) as i16;
 

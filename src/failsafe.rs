@@ -120,7 +120,7 @@ impl Supervisor {
     /// this time and an attitude of this health.
     pub(crate) fn resume(&mut self, at: Micros, health: Health, next: &mut dyn FnMut() -> i32) {
         let code = next() as u32;
-        self.good_run = Words::told(next);
+        self.good_run = u8::told(next).min(RECOVERY_SAMPLES);
         let since = Words::told(next);
         let told = StateCode::try_from(code).ok().and_then(State::resumed);
         self.state = match told.unwrap_or(self.state) {

@@ -1,7 +1,6 @@
 //! The firmware: wait for the tick, read, step, write, send.
 //!
-//! On the host it prints its configuration: the parameters with their ranges, the rates and the
-//! limits.
+//! On the host it says that it is for the chip.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 // Nothing of a program is reachable from outside; `pub` marks what a module offers to the others.
 #![allow(unreachable_pub)]

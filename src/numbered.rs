@@ -28,7 +28,7 @@ macro_rules! numbered {
         pub enum $name { $($(#[$doc])* $variant = $number,)+ }
 
         impl $name {
-            /// All of them, by number.
+            /// All of them, in the order of the list.
             pub const ALL: &'static [Self] = &[$(Self::$variant,)+];
 
             /// Its number.

@@ -9,7 +9,7 @@ use crate::bus::{Completion, Origin};
 use crate::config::HALTED_BURSTS;
 use crate::ticks::{BurstGauge, BurstTimes, NewestTick, Timing};
 
-/// Longest time that a step takes, us.
+/// Longest turn of the loop with a step, us.
 const STEP_US: u64 = 900;
 
 /// A tick.

@@ -9,7 +9,7 @@
 //! | HEARTBEAT, SYS_STATUS | once a second, HEARTBEAT also at every change of state |
 //! | CURRENT_MODE | every change of state |
 //! | DEBUG_VECT `imu_bus` | once a second: mean and longest of the newest bursts, us, and how often the sensor gives new data, Hz |
-//! | STATUSTEXT | every change of state and every refusal, with the reason; a magnetometer that fails; once a second what keeps the sensor from starting, and why control was given up or must be acknowledged |
+//! | STATUSTEXT | every change of state and every refusal (the same one again after two seconds), with the reason; a magnetometer that fails; once a second what keeps the sensor from starting, and why control was given up or must be acknowledged |
 //! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
 //! | NAMED_VALUE_FLOAT `crank` | every step: the crank angle that control asked for, rad, before limits |

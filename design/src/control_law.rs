@@ -22,8 +22,8 @@ pub struct Law {
     refresh: Refresh,
     /// When the law ran first, s.
     begun_s: f64,
-    /// Which refresh of the sensor was the newest at the last reading (its time, s, where the sensor
-    /// has no clock of its own), and how many there were.
+    /// Which refresh of the sensor was the newest at the last reading, and how many there were; by
+    /// its time, s, where the sensor has no clock of its own.
     newest: (f64, i16),
 }
 

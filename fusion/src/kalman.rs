@@ -102,9 +102,8 @@ impl<T: Real> Filter for Kalman<T> {
     }
 
     fn retune(&mut self, gains: &KalmanGains) -> Result<(), ConfigError> {
-        let new = Self::new(gains)?;
-        (self.gyr, self.gyr_scale, self.bias_walk) = (new.gyr, new.gyr_scale, new.bias_walk);
-        (self.acc, self.mag) = (new.acc, new.mag);
+        let &mut Self { attitude, mixed, offset, bias, .. } = self;
+        *self = Self { attitude, mixed, offset, bias, ..Self::new(gains)? };
         Ok(())
     }
 

@@ -35,7 +35,8 @@ pub struct TimedSample {
 
 /// The attitudes at all samples of a recording, by a filter that runs forth and back.
 ///
-/// Rate, offset and flags are the last pass's. Takes some 60 bytes a sample while it runs.
+/// Rate, offset and flags are the last pass's. Takes 68 bytes a sample in `f32` and 128 in `f64`
+/// while it runs.
 ///
 /// # Errors
 /// The name of a parameter that is not finite or out of range.

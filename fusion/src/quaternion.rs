@@ -69,8 +69,8 @@ impl<T: Real> Quaternion<T> {
         Self { w, x, y, z }
     }
 
-    /// From components of any length; the identity when their sum is below 1e-30 or
-    /// above 1e30.
+    /// From components of any length; the identity when the sum of their sizes is
+    /// below 1e-30 or above 1e30.
     pub fn normalised(w: T, x: T, y: T, z: T) -> Self {
         let scale = w.abs() + x.abs() + y.abs() + z.abs();
         if !(T::from_f32(1e-30)..T::from_f32(1e30)).contains(&scale) {

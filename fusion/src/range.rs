@@ -206,7 +206,11 @@ impl<T: Real> Range<T> {
 
 impl<T: Real> Axis<T> {
     fn new(limit: T) -> Self {
-        Self { limits: [Limit::sure(limit); 2], quiet: T::from_f32(MIN_LIMIT), ..Self::default() }
+        Self {
+            limits: [Limit::sure(limit); 2],
+            quiet: limit.at_most(T::from_f32(MIN_LIMIT)),
+            ..Self::default()
+        }
     }
 
     fn limit(&self, negative: bool) -> Limit<T> {

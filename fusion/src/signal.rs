@@ -83,8 +83,8 @@ pub struct Exponential {
 }
 
 impl Exponential {
-    /// With the weight of the past, clamped to 0..=1; the thesis' figure has 0.9. A weight that is
-    /// not a number counts as 0: no filter.
+    /// With the weight of the past, clamped to 0..=1. A weight that is not a number counts as 0:
+    /// no filter.
     pub const fn new(weight: f32) -> Self {
         let weight = if weight > 1.0 { 1.0 } else { weight };
         Self { weight: if weight > 0.0 { weight } else { 0.0 }, mean: None }
@@ -165,7 +165,7 @@ impl<const N: usize> Median<N> {
 ///
 /// A. Savitzky, M. Golay, "Smoothing and differentiation of data by simplified least squares
 /// procedures", Analytical Chemistry 36(8), 1964. Delay `(N - 1) / 2` samples at every frequency.
-/// Parabolas pass unchanged, and so do the outliers that a mean would flatten. `N` is odd and at
+/// Parabolas pass unchanged; more of an outlier passes than through a mean. `N` is odd and at
 /// least 3. Until the window is full, the output is the mean of the samples so far.
 #[derive(Clone, Debug)]
 pub struct SavitzkyGolay<const N: usize> {

@@ -187,7 +187,7 @@ proptest! {
     }
 }
 
-/// 100, or as many as `PROPTEST_CASES` says: a case has some 16,000 updates.
+/// 100, or as many as `PROPTEST_CASES` says: a case has some 8,000 updates.
 fn cases() -> u32 {
     std::env::var("PROPTEST_CASES").map_or(100, |cases| cases.parse().expect("a number of cases"))
 }

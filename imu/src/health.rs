@@ -27,7 +27,7 @@ pub struct Health {
     pub implausible: u32,
     /// Samples in which the words of a sensor became 0.
     pub torn: u32,
-    /// Good samples withheld because a register did not read as written.
+    /// Samples withheld: a register did not read as written, or too many bursts were wrong.
     pub withheld: u32,
     /// Ticks without a burst.
     pub late: u32,

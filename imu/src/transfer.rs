@@ -2,8 +2,8 @@
 
 /// Longest time of a transfer before the owner of the bus reports [`BusError::Timeout`], us.
 ///
-/// The longest transfer, 32 bytes at 100 kHz with 0.2 ms of clock stretching a byte, takes about 9
-/// ms.
+/// The longest transfer, 29 bytes at 100 kHz with 0.2 ms of clock stretching a byte, takes about
+/// 8.4 ms.
 pub const TRANSFER_DEADLINE_US: u64 = 15_000;
 
 /// Longest payload of a write.

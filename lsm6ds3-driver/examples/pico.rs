@@ -75,6 +75,7 @@ mod pico {
         };
         let mut pid = Controller::<Q16, Pid<Q16>>::new(&config).ok()?;
         let mut tick = clock();
+        let mut last = tick;
         loop {
             // A chip that is not yet there, or was lost, is set up from within `sample`; meanwhile
             // the servo is at neutral.
@@ -84,8 +85,9 @@ mod pico {
                     let [gx, gy, gz] = sample.raw.gyr_rad_s(&scale);
                     let [ax, ay, az] = sample.raw.acc_m_s2(&scale);
                     let (gyr, acc) = ([gx, -gy, -gz], [ax, -ay, -az]);
-                    let attitude =
-                        estimator.update(TICK_US as f32 * 1e-6, &Sample { gyr, acc, mag: None });
+                    let dt_s = sample.raw.time.since(last) as f32 * 1e-6;
+                    last = sample.raw.time;
+                    let attitude = estimator.update(dt_s, &Sample { gyr, acc, mag: None });
                     let pitch = attitude.orientation.pitch();
                     f32::from(pid.update(0.0.into(), pitch.into(), gyr[1].into()))
                 }

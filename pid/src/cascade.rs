@@ -34,8 +34,11 @@ impl<T: Scalar> Cascade<T> {
         reading: &Reading<T>,
         acceleration: T,
     ) -> T {
-        let wanted = self.angle_gain * (setpoint - reading.value);
-        let wanted = wanted.clamped(-self.rate_limit, self.rate_limit);
+        let error = setpoint - reading.value;
+        if !error.is_usable() {
+            return state.output();
+        }
+        let wanted = (self.angle_gain * error).clamped(-self.rate_limit, self.rate_limit);
         let rate = Reading { value: reading.rate, rate: acceleration, ..*reading };
         self.rate.update(state, wanted, &rate, true)
     }
@@ -156,9 +159,9 @@ mod tests {
     }
 
     #[test]
-    fn its_rate_loop_is_at_hand() {
+    fn an_angle_that_is_no_number_leaves_the_output() {
         let mut cascade = Controller::<f32, Cascade<f32>>::new(&config()).unwrap();
-        cascade.update(1.0, 0.0, 0.0);
-        assert!(cascade.state.integral() > 0.0);
+        let before = cascade.update(0.0, 0.4, 0.1);
+        assert_eq!(cascade.update(0.0, f32::NAN, 0.1), before);
     }
 }

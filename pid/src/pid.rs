@@ -234,11 +234,11 @@ impl<T: Scalar> Law<T> for Pid<T> {
 
 impl<T: Scalar> Pid<T> {
     /// Start again from a known output, for a handover of control. With integral action, the next
-    /// output is the known output at any error.
+    /// output differs from it by one sample's integral and derivative alone, at any error.
     pub fn begin(&self, state: &mut PidState<T>, output: T, setpoint: T, measured: T) {
         let output = output.clamped(self.limits.low, self.limits.high);
         *state = PidState { output, ..PidState::default() };
-        if self.coefficients.ki != T::ZERO {
+        if self.coefficients.ki != T::ZERO && measured.is_usable() && setpoint.is_usable() {
             state.integral = output - self.coefficients.proportional(setpoint, measured);
         }
     }

@@ -25,7 +25,8 @@ pub struct SurfaceConfig {
     pub period_s: f32,
     /// Acceleration of the value per output, 1/s2, positive.
     pub plant_gain: f32,
-    /// Time from a sample until the actuator takes its output for its target, s, up to two periods.
+    /// Time from a sample until the actuator takes its output for its target, s, below
+    /// three periods.
     pub effect_s: f32,
     /// Lag of the rate's sensor, s: age of the rate beyond the reading's age.
     pub sensor_lag_s: f32,
@@ -169,7 +170,7 @@ impl<T: Scalar> SurfaceState<T> {
         factor + factor.times(excess)
     }
 
-    /// A factor of the inverse of the configured gain with the estimated one, within 5 %.
+    /// A factor of the inverse of the configured gain with the estimated one, within 8 %.
     fn without_gain(&self, factor: T) -> T {
         let (_, excess) = self.excess.split();
         let (_, less) = (self.excess - self.excess.times(excess).half()).split();

@@ -46,14 +46,6 @@ fn unread(error: RecordingError) -> PyErr {
     }
 }
 
-fn wxyz([w, x, y, z]: [f64; 4]) -> Wxyz {
-    (w, x, y, z)
-}
-
-fn xyz([x, y, z]: [f64; 3]) -> Xyz {
-    (x, y, z)
-}
-
 /// A filter that takes sample after sample.
 ///
 /// `filter` is gyro, complementary, mahony, madgwick, vqf or kalman; `scalar` f32, f64 or fixed;
@@ -97,7 +89,7 @@ impl Estimator {
             reference: None,
             movement: true,
         });
-        wxyz(enu_from_ned(ned))
+        Wxyz::from(enu_from_ned(ned))
     }
 }
 
@@ -146,25 +138,25 @@ impl Recording {
     /// Rotation rates, rad/s.
     #[getter]
     fn gyr_rad_s(&self) -> Vec<Xyz> {
-        self.all(|sample| xyz(sample.gyr_rad_s))
+        self.all(|sample| Xyz::from(sample.gyr_rad_s))
     }
 
     /// Specific forces, m/s^2.
     #[getter]
     fn acc_m_s2(&self) -> Vec<Xyz> {
-        self.all(|sample| xyz(sample.acc_m_s2))
+        self.all(|sample| Xyz::from(sample.acc_m_s2))
     }
 
     /// Fields, uT; None where there is no fresh one.
     #[getter]
     fn mag_ut(&self) -> Vec<Option<Xyz>> {
-        self.all(|sample| sample.mag_ut.map(xyz))
+        self.all(|sample| sample.mag_ut.map(Xyz::from))
     }
 
     /// References (w, x, y, z), sensor axes to east-north-up; None where there is none.
     #[getter]
     fn reference(&self) -> Vec<Option<Wxyz>> {
-        self.all(|sample| sample.reference.map(wxyz))
+        self.all(|sample| sample.reference.map(Wxyz::from))
     }
 
     /// Where errors count.
@@ -190,7 +182,7 @@ impl Recording {
             mode: named("mode", mode, Mode::ALL)?,
             settings: self::settings(settings)?,
         };
-        let enu = |ned| wxyz(enu_from_ned(ned));
+        let enu = |ned| Wxyz::from(enu_from_ned(ned));
         if offline {
             let estimates = smooth(&choice, &self.facts, &self.samples).map_err(invalid)?;
             return Ok(estimates.into_iter().map(enu).collect());

@@ -41,8 +41,8 @@ pub struct Options {
     pub watchdog_bites: bool,
     /// The operating system of the USB host.
     pub host: System,
-    /// Decides what is random in a chip: the noise in SRAM at power-on, and which bits a flash command
-    /// has changed that a reset cuts short.
+    /// Decides what is random in a chip: the noise in SRAM at power-on, and which bits a flash
+    /// command has changed that a reset cuts short.
     pub seed: u64,
 }
 

@@ -51,7 +51,8 @@ numbered! {
         Memory = 9, "memory";
         /// The image in flash has changed.
         Flash = 10, "flash";
-        /// A register of the servo's timer or of the watchdog is not as it was set.
+        /// A register of the servo's timer or of the watchdog is not as it was set, or ticks are
+        /// lost.
         Registers = 11, "registers";
         /// The program panicked. No call of a panic is linked into the image, which a test holds.
         Panic = 8, "panic";

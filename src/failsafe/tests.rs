@@ -204,7 +204,6 @@ impl Seat {
             lost_at: _,
             host_seen,
             host_required,
-            // The state's own code.
         } = &self.supervisor;
         let silence = |seen| self.now.since(seen).cmp(&HOST_SILENCE_US);
         let steps = |since: Micros| (self.now.since(since) / TICK_US).min(20);

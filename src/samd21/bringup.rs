@@ -52,7 +52,7 @@ fn peek(address: u32) -> u32 {
     }
 }
 
-/// The next whole pulse at D2. Holds up the main loop for a frame at most.
+/// The next whole pulse at D2. Holds up the main loop for 66 ms at most.
 fn time_pulse() -> Option<u32> {
     FEEDBACK.pull_down();
     edge(false)?;

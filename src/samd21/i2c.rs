@@ -214,7 +214,7 @@ impl Bus {
         with_master(|master| master.set_broken(true));
         self.repair_at = now().after(REPAIR_PERIOD_US);
         let is_free = sercom::reset().is_ok() && recovery::free(WIRING.bus.sda, WIRING.bus.scl);
-        // A held bus, too, leaves the lines to the peripheral, where the guard of registers expects
+        // A held bus, too, leaves the lines to the peripheral, where the check of registers expects
         // them.
         self.connect();
         let ready = is_free && sercom::set_up(self.khz).is_ok();

@@ -166,7 +166,7 @@ fn a_parameter_that_changes_in_flight_costs_no_tick() {
     changes_cost_no_tick(ready());
 }
 
-/// Parameters of the control law change every few milliseconds of a flight.
+/// Parameters change every few milliseconds of a flight.
 pub(crate) fn changes_cost_no_tick(mut bench: Ready) {
     let Ready { rig, station, .. } = &mut bench;
     station.arm(rig).unwrap();

@@ -53,7 +53,7 @@ where
     type Output = ();
 
     fn new() -> Self {
-        // Sensors of one instant: what is added to make good for lags is in the crate's README.
+        // Sensors of one instant: fusion/docs/measured.md says what lags cost.
         let config = Config::default().without_lags();
         let estimator = fixed::Estimator::new(&config, &fixed::Scale::BNO055, PERIOD_US)
             .expect("the defaults are valid");

@@ -67,6 +67,9 @@ use crate::vector::{add, add_scaled, difference, dot, scaled, within, zero};
 pub use attitude::{Attitude, Flags, Sample};
 pub use state::{FieldReference, State};
 
+/// Shortest step, s. Far shorter ones would divide by zero.
+const SHORTEST_S: f32 = 1e-6;
+
 /// An acceleration whose components are all below this, m/s^2, shows no vertical: free fall, an
 /// absent sensor, or one that tells parts of g.
 const MIN_ACC: f32 = 2.0;
@@ -227,13 +230,14 @@ impl<F: Filter> Estimator<F> {
 
     /// Take one sample, `dt_s` seconds after the sample before (any number for the first).
     ///
-    /// Never fails: the update leaves out unusable values, and the flags say so. If `dt_s` is not
-    /// positive and finite, or a rate is not finite, the sample is skipped. The next sample counts
-    /// for the time of the skipped ones, too; together they may be a gap.
+    /// Never fails: the update leaves out unusable values, and the flags say so. If `dt_s` is below
+    /// a microsecond or not finite, or a rate is not finite, the sample is skipped. The next sample
+    /// counts for the time of the skipped ones, too; together they may be a gap.
     #[inline]
     pub fn update(&mut self, dt_s: f32, sample: &Sample) -> Attitude<F::Real> {
         self.flags.gap = false;
-        let has_time = dt_s.to_bits() as i32 > 0 && dt_s.within(f32::MAX);
+        let has_time =
+            dt_s.to_bits() as i32 >= SHORTEST_S.to_bits() as i32 && dt_s.within(f32::MAX);
         self.flags.skipped = !has_time || !within(&sample.gyr, f32::MAX);
         if self.phase == Phase::Blank {
             self.start(sample);

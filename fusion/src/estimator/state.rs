@@ -83,6 +83,7 @@ impl<F: Filter> Estimator<F> {
             self.pending = zero();
             self.phase = Phase::Settling;
             self.age = F::Real::from_f32(SETTLED_S);
+            self.skipped_s = 0.0;
             self.flags.initialised = true;
             self.uncertainty.know_attitude();
         }
@@ -134,6 +135,7 @@ impl<F: Filter> Estimator<F> {
         (self.pending, self.rate) = (zero(), zero());
         self.flags = Default::default();
         self.phase = Phase::Blank;
+        self.skipped_s = 0.0;
         (self.age, self.mag_dt) = (F::Real::ZERO, F::Real::ZERO);
     }
 

@@ -5,7 +5,7 @@ use core::ops::RangeInclusive;
 use crate::error::{ConfigError, in_range, require};
 
 /// Sampling periods that the estimators take, us. In the longest periods, a step of 1.25 periods
-/// must turn by at most a quarter of a radian an axis ([`Scale::TURN_RAD`]).
+/// must turn by at most half a radian an axis ([`Scale::TURN_RAD`]).
 pub const PERIOD_US: RangeInclusive<u32> = 500..=10_500;
 
 /// One sample as the sensors give it, in body axes.

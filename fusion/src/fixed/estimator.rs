@@ -263,7 +263,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     }
 
     /// Health of the estimate. A gap is a step of more than 1.25 periods in the last quarter of a
-    /// second. The accelerometer is never rejected.
+    /// second. `acc_rejected`, `over_range` and `skipped` stay false.
     pub fn flags(&self, state: &State) -> Flags {
         Flags {
             initialised: self.schedule.is_started(&state.schedule),
@@ -319,7 +319,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     }
 
     /// Take one sample, `dt_us` microseconds after the sample before; with 0, nothing turns. More
-    /// than 30,000 us, or than 2.5 to 10 periods if that is less, are a gap. Only that much of a
+    /// than 30,000 us, or than 1.25 to 10 periods if that is less, are a gap. Only that much of a
     /// gap is integrated, and the gains are a running mean's again. Period and scale determine the
     /// number of periods.
     #[inline]

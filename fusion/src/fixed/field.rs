@@ -15,7 +15,7 @@
 //! converges from any value less than twice too large: the limit grows by halves at most.
 //!
 //! # The judgement
-//! About thirty times a second, a field is kept and compared with the reference, in Q8. The
+//! Every eighth field, but at most 37 a second, is kept and compared with the reference, in Q8. The
 //! deviations of the horizontal and the vertical part, `|dh| + |dv|`, must be within `gate` times
 //! the reference's length. The weight falls in four steps towards that limit. [`length`] gives
 //! lengths without a root, exact enough for a gate. The gate is at most 64, so that its product in

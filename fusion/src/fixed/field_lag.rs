@@ -27,7 +27,11 @@ use crate::real::Real;
 /// # Ok::<(), tvc_fusion::ConfigError>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct FieldLag(lag::FieldLag<f32>);
+pub struct FieldLag {
+    lag: lag::FieldLag<f32>,
+    /// Time since the field was last looked at, us.
+    waited_us: u32,
+}
 
 impl FieldLag {
     /// The lag of the configuration.
@@ -35,12 +39,13 @@ impl FieldLag {
     /// # Errors
     /// The name of the lag or its standard deviation if it is out of range.
     pub fn new<G>(config: &Config<G>) -> Result<Self, ConfigError> {
-        lag::FieldLag::new(config.mag_lag_s, config.mag_lag_sd_s).map(Self)
+        let lag = lag::FieldLag::new(config.mag_lag_s, config.mag_lag_sd_s)?;
+        Ok(Self { lag, waited_us: 0 })
     }
 
     /// The lag now, s.
     pub fn lag_s(&self) -> f32 {
-        self.0.lag_s()
+        self.lag.lag_s()
     }
 
     /// Learns from a sample that the estimator has just taken, `dt_us` microseconds after the
@@ -52,16 +57,17 @@ impl FieldLag {
         dt_us: u32,
         counts: &Counts,
     ) {
+        self.waited_us = self.waited_us.saturating_add(dt_us);
         if let Some(mag) = counts.mag
             && let Some([north, down]) = state.compass.trusted()
-            && self.0.is_due(dt_us as f32 * 1e-6)
+            && self.lag.is_due(core::mem::take(&mut self.waited_us) as f32 * 1e-6)
         {
             let [north, down] = [north, down].map(|part| part as f32);
             let strength = Real::sqrt(north * north + down * down);
             let rows = Orientation { wxyz_q30: state.rotation.q30() }.quaternion().half_rows();
             let rate = estimator.rate(state, &counts.gyr);
-            self.0.learn(&rows, &mag.map(f32::from), &rate, 1.0 / strength);
-            estimator.set_mag_lag_s(self.0.lag_s());
+            self.lag.learn(&rows, &mag.map(f32::from), &rate, 1.0 / strength);
+            estimator.set_mag_lag_s(self.lag.lag_s());
         }
     }
 }

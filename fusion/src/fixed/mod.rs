@@ -23,7 +23,8 @@
 //! [`Estimator`] holds constants, [`State`] everything that changes. [`AnyFilter`] chooses a filter
 //! at run time. `Gyro` and `Kalman` are float only.
 //!
-//! - Over ten minutes at 1 kHz, fixed point stays within 0.02 deg RMS of `f64`, except in start-up.
+//! - Over ten minutes at 1 kHz, Mahony and VQF stay within 0.025 deg RMS of `f64`, except in
+//!   start-up.
 //! - BNO055, BMI270, ICM-20948, LSM6DSO, MPU-6050 and MPU-9250 fit at all ranges from 104 to
 //!   2,000 Hz. [`PERIOD_US`] and [`Scale`] say the limits.
 //! - It refuses the accelerometer's gate and Mahony's integral gain.

@@ -22,7 +22,7 @@
 //!   components up to 1 rad; `s` is Q16.
 //! - `s^2` in Q32 must fit 31 bits: `s < 0.707`, `|h| < 0.84 rad`. The parts of `h` share that. The
 //!   rates have a quarter of a radian an axis, 0.43 in all (`Scale::GYR_RAD_S`, `PERIOD_US`). Tilt
-//!   and heading, at right angles, have 0.25 and 0.125. Recovery has a sixteenth an axis, 0.11.
+//!   and heading, at right angles, have 0.25 and 0.125. The rest, 0.11, is reserve.
 //! - The products with the quaternion are Q15 times Q16. Their sums fit because `|q| = 1` and
 //!   `c^2 + |h|^2 < 1`.
 //!
@@ -41,7 +41,7 @@ const HALF: i32 = 1 << 14;
 /// One.
 const ONE: Q30 = 1 << 30;
 
-/// Largest pending half rotation vector, rad in Q15: the parts of tilt, heading and recovery.
+/// Largest pending half rotation vector, rad in Q15: the parts of tilt and heading, and a reserve.
 const MOST_PENDING: i32 = 13_107;
 
 /// Largest squared norm less one of a rotation.

@@ -227,7 +227,8 @@ fn a_calibration_that_ends_in_a_failsafe_has_failed() {
     assert_eq!(acks(&heard), [(CALIBRATION, MavResult::MAV_RESULT_FAILED)]);
 }
 
-/// The last two bytes of the payload of a COMMAND_ACK name the asker; this crate's decoder leaves them out.
+/// The last two bytes of the payload of a COMMAND_ACK name the asker; this crate's decoder leaves
+/// them out.
 fn ack_target(bytes: &[u8]) -> [u8; 2] {
     let ack = bytes
         .windows(22)
