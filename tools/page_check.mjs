@@ -213,7 +213,7 @@ test("a test's figures are shown, and its log can be opened", async () => {
   await answer("hold", {});
   const result = {
     run: null, hold: { mean_error_rad: 0.001, rms_error_rad: 0.002, max_error_rad: 0.0175 }, sweep: { bandwidth_hz: null, delay_s: 0.05 },
-    loop: { jitter_us_max: 3 }, telemetry: { lost: 0 }, missed: [], trace: [],
+    loop: { jitter_us_max: 3 }, telemetry: { lost: 0 }, missed: [],
   };
   const trial = { manoeuvre: "hold", running: false, stage: "", log: "small/hold-001.tlog", result };
   await come({ now_ms: 7006, frame, trial });

@@ -66,17 +66,6 @@ pub fn is_measured(name: &str) -> bool {
     Params::info(name).is_some_and(|info| info.change == Change::Measured)
 }
 
-/// What a parameter does, and in which laws.
-pub fn meaning(name: &str) -> String {
-    let description = Params::index_of(name).and_then(|index| DESCRIPTIONS.get(index));
-    let meaning = description.map_or("(unknown to this tool)", |about| about.meaning);
-    match laws_of(name) {
-        [] => meaning.to_owned(),
-        _ if meaning.contains("law") => meaning.to_owned(),
-        laws => format!("{meaning}, in {}", named(laws)),
-    }
-}
-
 /// `law 2`, `laws 0 and 3`.
 fn named(laws: &[u8]) -> String {
     match laws {
@@ -117,13 +106,18 @@ impl Row {
         let description = index.and_then(|index| DESCRIPTIONS.get(index));
         let laws = laws_of(&parameter.name);
         let law = law.map(|law| law as u8);
+        let meaning = description.map_or("(unknown to this tool)", |about| about.meaning);
         Self {
             name: parameter.name.clone(),
             value: parameter.value,
             default: info.map(|info| info.default),
             unit: description.map_or("", |description| description.unit),
             range: info.map_or(String::new(), |info| info.range.to_string()),
-            meaning: meaning(&parameter.name),
+            meaning: match laws {
+                [] => meaning.to_owned(),
+                _ if meaning.contains("law") => meaning.to_owned(),
+                laws => format!("{meaning}, in {}", named(laws)),
+            },
             unused_by_law: law.filter(|law| !laws.is_empty() && !laws.contains(law)),
         }
     }
@@ -181,6 +175,7 @@ mod tests {
             assert!(!row.meaning.is_empty() && !row.range.is_empty());
             assert!(!row.group().is_empty());
         }
+        let of = |name| Row::of(&Parameter::new(name, 1.0), Some(2.0));
         for (name, group) in [
             ("SRV_CENTRE_US", "Servo"),
             ("PID_KI", "Not used by law 2"),
@@ -189,11 +184,11 @@ mod tests {
             ("SRV_POLARITY", "Safety"),
             ("MAV_SYSID", "Bus, clock and link"),
         ] {
-            assert_eq!(Row::of(&Parameter::new(name, 1.0), Some(2.0)).group(), group, "{name}");
+            assert_eq!(of(name).group(), group, "{name}");
         }
-        assert!(meaning("SFC_NEAR").ends_with(", in law 2"));
-        assert!(meaning("PID_KD").ends_with(", in laws 0 and 3"));
-        assert!(meaning("PID_KI").ends_with("in laws 0 and 3"));
+        assert!(of("SFC_NEAR").meaning.ends_with(", in law 2"));
+        assert!(of("PID_KD").meaning.ends_with(", in laws 0 and 3"));
+        assert!(of("PID_KI").meaning.ends_with("in laws 0 and 3"));
     }
 
     /// What a control law puts out in a motion that swings, with the rudder's model and trim.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
-use ::rig::action::{Action, HELP};
+use ::rig::action::Action;
 use ::rig::bno055::FaultKind;
 use anyhow::{Context, Result, anyhow, bail};
 use serde_json::{Value, json};
@@ -76,11 +76,11 @@ pub fn admit(words: &str) -> Result<()> {
     words.parse::<Action>().map(drop).map_err(|why| anyhow!(why))
 }
 
-/// What the page offers: the kinds of faults with what each takes, and the words of all actions.
+/// What the page offers: the kinds of faults with what each takes.
 pub fn vocabulary() -> Value {
     let faults = FaultKind::ALL.map(|kind| {
         let takes_share = kind.hardest().probability().is_some();
         json!({ "kind": kind.name(), "share": takes_share })
     });
-    json!({ "faults": faults, "actions": HELP })
+    json!({ "faults": faults })
 }
