@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use super::page::{PATIENCE, Server, vehicle, vehicle_with};
+use super::parameter;
 use crate::running::{Running, assert_refused, json as object, said, tvc};
 
 /// A fault before boot and its end, a tilt, a fault in flight, the cable.
@@ -46,11 +47,18 @@ fn the_panel_acts_on_the_rig_before_boot_and_after() {
         std::thread::sleep(Duration::from_millis(300));
     }
 
-    // Without a port the panel is still there.
+    // Without a port the panel is still there, and the vehicle keeps the watch over this program,
+    // which ends with it.
+    page.wait_for_parameter("FS_HOST", 1.0);
     page.act("usb out");
     page.wait("condition", |now| now["connected"] == false);
+    std::thread::sleep(Duration::from_secs(3));
     page.act("usb in");
     page.wait("condition", |now| now["connected"] == true);
+    page.wait_for("standby");
+    page.wait_for_parameter("FS_HOST", 1.0);
+    server.end("TERM");
+    assert_eq!(parameter(&port, "FS_HOST"), 0.0);
 }
 
 /// One command shows everything: the vehicle is released and stopped, and the panel acts.

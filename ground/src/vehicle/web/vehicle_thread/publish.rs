@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use client::state::is_in_operation;
 use client::status::{is_unsettled, sick};
-use client::{Frame, ServoMap, StateKind, text};
+use client::{Frame, Request, ServoMap, StateKind, text};
 use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
 use tvc_nano::Axis;
 
@@ -23,6 +23,10 @@ impl Session<'_> {
         }
         let state = self.link.client().state();
         if self.state != state {
+            if self.state.is_some() && matches!(state, Some(StateKind::Boot | StateKind::Latched)) {
+                // After a reset the parameters are those of the flash.
+                self.list = Some(self.link.request(Request::List));
+            }
             self.state = state;
             self.status_due = Duration::ZERO;
         }
