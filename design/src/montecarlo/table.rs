@@ -54,21 +54,6 @@ pub struct Row {
     pub pass: bool,
 }
 
-#[cfg(test)]
-impl Row {
-    /// Of a drone with this thrust that settled after this time, s, or never.
-    pub fn flown(run: u64, thrust: f64, settling_5pct_s: Option<f64>) -> Self {
-        let start = [0.2, -0.4, 0.8][run as usize % 3];
-        let settling = settling_5pct_s.map_or(String::new(), |s| s.to_string());
-        let pass = settling_5pct_s.is_some();
-        let row = format!(
-            "1,s3003,0,{run},{start},{thrust},1,0,0,1,1,1,1,0,0,2,0.3,{settling},,,0,{pass}"
-        );
-        let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(row.as_bytes());
-        reader.deserialize().next().unwrap().unwrap()
-    }
-}
-
 impl Row {
     /// The row of a run.
     pub fn new(servo: &str, seed: u64, lateral_mm: f64, draw: &Draw, outcome: &Outcome) -> Self {
@@ -110,5 +95,25 @@ impl campaign::Row for Row {
 
     fn place(&self) -> impl Ord {
         self.run
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    impl Row {
+        /// Of a drone with this thrust that settled after this time, s, or never.
+        pub fn flown(run: u64, thrust: f64, settling_5pct_s: Option<f64>) -> Self {
+            let start = [0.2, -0.4, 0.8][run as usize % 3];
+            let settling = settling_5pct_s.map_or(String::new(), |s| s.to_string());
+            let pass = settling_5pct_s.is_some();
+            let row = format!(
+                "1,s3003,0,{run},{start},{thrust},1,0,0,1,1,1,1,0,0,2,0.3,{settling},,,0,{pass}"
+            );
+            let mut reader =
+                csv::ReaderBuilder::new().has_headers(false).from_reader(row.as_bytes());
+            reader.deserialize().next().unwrap().unwrap()
+        }
     }
 }
