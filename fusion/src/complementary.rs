@@ -29,9 +29,8 @@ impl ComplementaryGains {
         Self { acc_tau_s: tau_s, mag_tau_s: tau_s }
     }
 
-    /// The setting of the thesis behind this project (*Thrust Vector Control of a Coaxial UAV
-    /// Rocket Analog*, Technical University of Denmark): weights 0.95 and
-    /// 0.05 at 100 Hz, so 0.19 s.
+    /// The setting of the thesis that this project began with: weights 0.95 and 0.05 at 100 Hz,
+    /// so 0.19 s.
     pub fn thesis() -> Self {
         Self::from_weight(0.95, 100.0)
     }

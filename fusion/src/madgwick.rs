@@ -25,8 +25,7 @@ settings! {
 }
 
 impl MadgwickGains {
-    /// The setting of the thesis behind this project (*Thrust Vector Control of a Coaxial UAV
-    /// Rocket Analog*, Technical University of Denmark): beta 0.5.
+    /// The setting of the thesis that this project began with: beta 0.5.
     pub const fn thesis() -> Self {
         Self { beta_per_s: 0.5 }
     }

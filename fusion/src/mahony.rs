@@ -30,9 +30,8 @@ settings! {
 }
 
 impl MahonyGains {
-    /// The setting of the thesis behind this project (*Thrust Vector Control of a Coaxial UAV
-    /// Rocket Analog*, Technical University of Denmark): its library's
-    /// defaults, Kp 0.5 and Ki 0.
+    /// The setting of the thesis that this project began with: its library's defaults,
+    /// Kp 0.5 and Ki 0.
     pub const fn thesis() -> Self {
         Self { acc_per_s: 0.5, mag_per_s: 0.5, integral_per_s2: 0.0 }
     }

@@ -14,7 +14,7 @@ mod states;
 
 use super::*;
 use crate::config::TEST_PULSE_US;
-use crate::failsafe::{Command, Reason};
+use crate::failsafe::{Command, Crash, Latch, Reason};
 use crate::servo::Servo;
 use tvc_imu::Refresh;
 

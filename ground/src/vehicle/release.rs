@@ -24,9 +24,10 @@ Examples:
   tvc release --yes --seconds 5      without a question, for five seconds
   tvc release --yes --seconds 5 --rig    arms the virtual rig and lets it go
 
-The vehicle must be armed. Once it is let go, it is disarmed however the command ends (Ctrl-C, SIGTERM,
-SIGHUP, an error). Meanwhile FS_HOST is 1: if the tool is killed or the port goes away, the vehicle goes to
-its failsafe, with the rudder at neutral, after three seconds. `tvc test` measures a release.
+The vehicle must be armed. Once it is let go, it is disarmed however the command ends (Ctrl-C,
+SIGTERM, SIGHUP, an error). Meanwhile FS_HOST is 1: if the tool is killed or the port goes away, the
+vehicle goes to its failsafe, with the rudder at neutral, after three seconds. `tvc test` measures a
+release.
 Exit status: 0 released and disarmed again, 1 refused, declined, or a failsafe, 2 unusable input.")]
 pub struct Release {
     /// Where the vehicle is, and the form of the answer.

@@ -1,6 +1,7 @@
 //! Who may move the rudder: faults, tilt, and the operator's commands out of order.
 
 use super::*;
+use crate::SelfCheck;
 use crate::ticks::BurstTimes;
 use std::string::ToString;
 
@@ -131,6 +132,40 @@ fn commands_out_of_order_are_refused_and_repeated_ones_are_not() {
     assert_eq!(desk.step().pulses[0], NEUTRAL);
     desk.command(Command::Disarm).unwrap();
     assert_eq!(desk.flight.state(), State::Standby);
+}
+
+#[test]
+fn a_bad_end_of_the_last_run_must_be_acknowledged() {
+    for crash in [
+        Crash::Watchdog,
+        Crash::BrownOut,
+        Crash::SelfCheck(SelfCheck::Stack),
+        Crash::HardFault { pc: 0x2100 },
+    ] {
+        let report = BootReport { crash: Some(crash), ..BootReport::default() };
+        let mut desk = Desk::with(0.1, params(), report);
+        desk.run(300);
+        assert_eq!(desk.flight.state(), State::Latched(Latch::Crash(crash)));
+        assert_eq!(
+            desk.command(Command::Arm),
+            Err(Refusal::WrongState(State::Latched(Latch::Crash(crash))))
+        );
+        desk.command(Command::Disarm).unwrap();
+        desk.run(110);
+        assert_eq!(desk.flight.state(), State::Standby);
+    }
+}
+
+#[test]
+fn lost_parameters_are_acknowledged_after_the_crash_that_came_with_them() {
+    let report = BootReport { crash: Some(Crash::BrownOut), stored: Loaded::Corrupt };
+    let mut desk = Desk::with(0.1, Params::default(), report);
+    for latch in [Latch::Crash(Crash::BrownOut), Latch::ParametersLost] {
+        assert_eq!(desk.flight.state(), State::Latched(latch));
+        assert!(desk.command(Command::Arm).is_err());
+        desk.command(Command::Disarm).unwrap();
+    }
+    assert_eq!(desk.flight.state(), State::Boot);
 }
 
 #[test]

@@ -113,6 +113,16 @@ fn an_order_to_the_board_is_refused_while_the_rudder_may_be_needed() {
 }
 
 #[test]
+fn a_heartbeat_of_the_host_counts() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    link.tell(&set("FS_HOST", 1.0));
+    let arm = order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0);
+    assert_eq!(texts(&link.tell(&arm)), ["arm refused: no host heartbeat"]);
+    link.tell(&from_host(&HEARTBEAT_DATA::DEFAULT));
+    assert_eq!(texts(&link.tell(&arm)), ["armed"]);
+}
+
+#[test]
 fn time_is_synchronised_on_request() {
     let mut link = Link::new(Desk::in_standby(0.1));
     let now = link.desk.now_us as i64;

@@ -154,10 +154,16 @@ mod tests {
     fn start_angles_are_within_what_arming_allows() {
         assert_eq!(start_angle("0.4"), Ok(0.4));
         assert_eq!(start_angle("-0.2"), Ok(-0.2));
+        for bad in ["-1.2", "0", "1.2", "NaN", "inf", "a"] {
+            assert!(start_angle(bad).is_err(), "{bad}");
+        }
     }
 
     #[test]
     fn gains_are_two_numbers() {
         assert_eq!(gains("0.9, 0.25"), Ok((0.9, 0.25)));
+        for bad in ["1", "1,", "1,x", "-1,0.3", "1,NaN", "1,2,3"] {
+            assert!(gains(bad).is_err(), "{bad}");
+        }
     }
 }

@@ -201,4 +201,12 @@ pub mod tests {
         }
         writer.end().unwrap();
     }
+
+    #[test]
+    fn a_time_is_a_number_of_seconds() {
+        assert_eq!(time("2.5"), Ok(2.5));
+        for wrong in ["-1", "NaN", "inf", "x", ""] {
+            assert!(time(wrong).is_err(), "{wrong}");
+        }
+    }
 }

@@ -235,7 +235,14 @@ mod tests {
     fn places_and_dates() {
         let place = place("55.79, 12.52").unwrap();
         assert_eq!((place.latitude_deg, place.longitude_deg), (55.79, 12.52));
+        for bad in ["55.79", "91,0", "0,181", "a,b", "NaN,0"] {
+            assert!(super::place(bad).is_err(), "{bad}");
+        }
         let date = day("2026-05-31").unwrap();
         assert_eq!(date.to_calendar_date(), (2026, Month::May, 31));
+        for bad in ["2026", "2026-05", "May 31", "2026-5-31-1", "2026-02-30"] {
+            assert!(day(bad).is_err(), "{bad}");
+        }
+        assert!(gravity("1").is_err() && declination("NaN").is_err());
     }
 }
