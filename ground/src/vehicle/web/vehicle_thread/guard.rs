@@ -46,8 +46,8 @@ impl HostWatch {
         Self { on: self.on, chosen: self.chosen, ..Self::default() }
     }
 
-    /// The vehicle's flash says that it is on: that is an operator's wish.
-    pub(super) fn is_stored(&mut self) {
+    /// The vehicle's flash has it on: an operator decides about it.
+    pub(super) fn leave_to_operator(&mut self) {
         self.on = false;
     }
 

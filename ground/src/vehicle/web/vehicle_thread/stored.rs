@@ -79,7 +79,7 @@ impl Session<'_> {
     fn take_stored(&mut self, bytes: &[u8; STORE_BYTES]) {
         let (params, loaded) = load_bytes(bytes);
         if loaded != Loaded::Corrupt && params.value(FS_HOST) == Some(1.0) {
-            self.host.is_stored();
+            self.host.leave_to_operator();
         }
         self.stored.params = (loaded != Loaded::Corrupt).then_some(params);
         self.publish_parameters();
