@@ -88,6 +88,8 @@ impl Body {
 
     fn tilt_error_deg(&self, estimate: &Quaternion) -> f64 {
         let [w, x, y, z] = [estimate.w, estimate.x, estimate.y, estimate.z].map(f64::from);
+        // The largest of several errors would leave out what is no number.
+        assert!([w, x, y, z].iter().all(|part| part.is_finite()), "{estimate:?}");
         let estimate = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
         let down = |attitude: &UnitQuaternion<f64>| attitude.inverse() * Vector3::z();
         down(&estimate).angle(&down(&self.attitude)).to_degrees()
@@ -182,12 +184,16 @@ fn worst_deg((_, filter, _): Named, samples: u32, seeds: std::ops::Range<u32>) -
 }
 
 fn recover(seeds: std::ops::Range<u32>, lengths: &[u32]) {
+    let mut missed = Vec::new();
     for filter in FILTERS {
         let each = lengths.iter().map(|samples| worst_deg(filter, *samples, seeds.clone()));
         let off_deg = each.fold(0.0, f64::max);
         println!("{}: {off_deg:.1} deg at most", filter.0);
-        assert!(off_deg < filter.2, "{}: {off_deg} deg", filter.0);
+        if off_deg >= filter.2 {
+            missed.push(format!("{}: {off_deg} deg", filter.0));
+        }
     }
+    assert!(missed.is_empty(), "{missed:?}");
 }
 
 #[test]

@@ -31,9 +31,11 @@ where
 
 fn error_deg(attitude: &Attitude<f64>, truth: &UnitQuaternion<f64>) -> f64 {
     let q = attitude.orientation;
-    UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(q.w, q.x, q.y, q.z))
-        .angle_to(truth)
-        .to_degrees()
+    let estimate = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(q.w, q.x, q.y, q.z));
+    let error_deg = estimate.angle_to(truth).to_degrees();
+    // The largest of several errors would leave out what is no number.
+    assert!(error_deg.is_finite(), "{q:?}");
+    error_deg
 }
 
 /// Turns without rest for a minute, sampled; the largest error, deg.

@@ -60,7 +60,10 @@ impl Body {
     fn error_deg(&self, estimate: &Quaternion) -> f64 {
         let [w, x, y, z] = [estimate.w, estimate.x, estimate.y, estimate.z].map(f64::from);
         let estimate = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
-        estimate.angle_to(&self.attitude) / DEG
+        let error_deg = estimate.angle_to(&self.attitude) / DEG;
+        // The largest of several errors would leave out what is no number.
+        assert!(error_deg.is_finite(), "{w} {x} {y} {z}");
+        error_deg
     }
 }
 
