@@ -386,6 +386,8 @@ impl<'a> Application<'a> {
             if port == Port::Silent {
                 self.telemetry.listen(now, board.read());
             }
+            // Its answer would get lost, and while it waits the sensor is not asked.
+            self.steps_to_save = SAVE_STEPS;
             // Nobody listens: whoever comes next wants the present, not the past.
             self.telemetry.sent(self.telemetry.pending().len());
             return false;

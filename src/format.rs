@@ -3,6 +3,8 @@
 
 use core::fmt::{self, Write};
 
+use crate::params::whole;
+
 /// Shows a whole number.
 pub(crate) struct Whole(pub(crate) u32);
 
@@ -38,7 +40,7 @@ impl fmt::Display for Decimal {
         if !self.0.is_finite() || self.0.abs() > 2.0e6 {
             return f.write_str("?");
         }
-        let thousandths = (self.0.abs() * 1000.0 + 0.5) as u32;
+        let thousandths = whole(self.0.abs() * 1000.0 + 0.5) as u32;
         if self.0 < 0.0 && thousandths > 0 {
             f.write_str("-")?;
         }

@@ -7,14 +7,27 @@
 mod launch;
 mod schedule;
 
+use tvc_fusion::GRAVITY;
 use tvc_imu::Micros;
 use tvc_pid::{Coefficients, Q16};
 
 use crate::failsafe::{self, Command};
+use crate::mount::nearest;
 use crate::params::Params;
+use crate::sensor::{ACC_COUNTS, GYR_COUNTS};
 use launch::Event;
 pub(crate) use launch::Launch as State;
 use schedule::GainSchedule;
+
+/// Fraction bits of [`shift`].
+pub(crate) const SHIFT_BITS: u32 = 20;
+
+/// How much a count of acceleration from tail to nose shifts the gyroscope's rates about the body's
+/// x and y (`GYR_PER_G_X`, `GYR_PER_G_Y`), 2^-[`SHIFT_BITS`] counts: at most 17,110.
+pub(crate) fn shift(params: &Params) -> [i16; 2] {
+    const SCALE: f32 = GYR_COUNTS * (1 << SHIFT_BITS) as f32 / (GRAVITY * ACC_COUNTS);
+    [params.gyr_per_g_x(), params.gyr_per_g_y()].map(|deg_s| nearest(deg_s * SCALE))
+}
 
 /// What the parameters say of free flight.
 #[derive(Clone, Debug)]

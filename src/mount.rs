@@ -144,13 +144,14 @@ impl Mount {
         }
     }
 
-    /// Counts along the body's axes. The field counts as fresh.
-    pub fn convert(&self, raw: &RawSample) -> Counts {
-        let [acc, gyr, mag] = &self.corrections;
+    /// Counts along the body's axes, with `gyr` in place of the sample's rates. The field counts as
+    /// fresh.
+    pub fn convert(&self, raw: &RawSample, gyr: &[i16; 3]) -> Counts {
+        let [of_acc, of_gyr, of_mag] = &self.corrections;
         Counts {
-            acc: acc.apply(&raw.acc),
-            gyr: gyr.apply(&raw.gyr),
-            mag: Some(mag.apply(&raw.mag)),
+            acc: of_acc.apply(&raw.acc),
+            gyr: of_gyr.apply(gyr),
+            mag: Some(of_mag.apply(&raw.mag)),
         }
     }
 }
@@ -174,7 +175,8 @@ fn calibrations(params: &Params) -> [Calibration; 3] {
 }
 
 /// The whole number next to `value`; the nearest that there is where it is too large.
-fn nearest(value: f32) -> i16 {
+#[inline(never)]
+pub(crate) fn nearest(value: f32) -> i16 {
     (value + 0.5_f32.copysign(value)) as i16
 }
 
@@ -201,6 +203,10 @@ mod tests {
         RawSample { time: Micros(0), acc, gyr, mag }
     }
 
+    fn convert(mount: &Mount, raw: &RawSample) -> Counts {
+        mount.convert(raw, &raw.gyr)
+    }
+
     fn mount(roll: f32, pitch: f32, yaw: f32) -> Mount {
         let mut params = Params::default();
         params.set("MNT_ROLL_DEG", roll).unwrap();
@@ -212,12 +218,12 @@ mod tests {
     #[test]
     fn a_nominal_sensor_along_the_axes_is_taken_as_it_is() {
         let sample = raw([0, i16::MIN, -981], [16, -160, i16::MAX], [800, 0, 16]);
-        let body = mount(0.0, 0.0, 0.0).convert(&sample);
+        let body = convert(&mount(0.0, 0.0, 0.0), &sample);
         assert_eq!((body.acc, body.gyr, body.mag), (sample.acc, sample.gyr, Some(sample.mag)));
     }
 
     fn assert_acc(mount: &Mount, acc: [i16; 3], expected: [i16; 3]) {
-        let body = mount.convert(&raw(acc, [0; 3], [0; 3])).acc;
+        let body = convert(mount, &raw(acc, [0; 3], [0; 3])).acc;
         assert_eq!(body, expected);
     }
 
@@ -242,7 +248,7 @@ mod tests {
         let oracle = nalgebra::Rotation3::from_euler_angles(0.3_f64, -0.7, 2.1);
         let expected = oracle * nalgebra::Vector3::new(3000.0, -5000.0, 8000.0);
         let mount = mount(0.3_f32.to_degrees(), -0.7_f32.to_degrees(), 2.1_f32.to_degrees());
-        let found = mount.convert(&raw([0; 3], [3000, -5000, 8000], [0; 3])).gyr;
+        let found = convert(&mount, &raw([0; 3], [3000, -5000, 8000], [0; 3])).gyr;
         for (found, expected) in found.iter().zip(expected.iter()) {
             // Half a count of rounding, and a bit of each factor.
             assert!((f64::from(*found) - expected).abs() < 1.5, "{found} {expected}");
@@ -261,7 +267,7 @@ mod tests {
         // 1.5 * 99.6 = 149.4; 100 + 0.5 * 43 = 121.5; -43.
         assert_acc(&mount, [110, 100, 40], [149, 122, -43]);
         let sample = raw([0; 3], [7, 8, 9], [0; 3]);
-        assert_eq!(mount.convert(&sample).gyr, [7, 8, 9]);
+        assert_eq!(convert(&mount, &sample).gyr, [7, 8, 9]);
     }
 
     /// Numbers by hand, through the parameters' names and units.
@@ -278,7 +284,7 @@ mod tests {
         ] {
             params.set(name, value).unwrap();
         }
-        let found = Mount::new(&params).convert(&raw([50, 0, -900], [0, -32, 7], [100, 80, 840]));
+        let found = convert(&Mount::new(&params), &raw([50, 0, -900], [0, -32, 7], [100, 80, 840]));
         assert_eq!(found.acc, [0, 0, -990]);
         assert_eq!(found.gyr, [0, 0, 7]);
         assert_eq!(found.mag, Some([120, 80, 100]));
@@ -296,7 +302,7 @@ mod tests {
             let mut params = Params::default();
             params.set("MNT_ROLL_DEG", roll).unwrap();
             let mount = Mount::calibrated(&[Calibration { offset, matrix }; 3], &params);
-            let found = mount.convert(&raw(counts, counts, counts)).gyr;
+            let found = convert(&mount, &raw(counts, counts, counts)).gyr;
             let turn = nalgebra::Rotation3::from_euler_angles(f64::from(roll).to_radians(), 0.0, 0.0);
             let matrix = turn.matrix() * nalgebra::Matrix3::from_fn(|r, c| f64::from(matrix[r][c]));
             let input = nalgebra::Vector3::from_fn(|i, _| f64::from(counts[i]) - f64::from(offset[i]));

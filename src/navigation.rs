@@ -5,15 +5,16 @@ use core::f32::consts::PI;
 use core::mem;
 
 use tvc_fusion::fixed::{self, AnyFilter, Counts, Estimator, Ideal, Orientation, Scale};
-use tvc_fusion::{Attitude, BiasState, Config, ConfigError, Quality};
+use tvc_fusion::{Attitude, BiasState, Config, ConfigError, GRAVITY, Quality};
 use tvc_imu::{Micros, RawSample, Sample, SensorFault};
 use tvc_pid::{Q16, Scalar, Share16};
 
 use crate::blow::Blow;
 use crate::config::{
-    ARM_TILT_SD_DEG, BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_LOST_US, LEVEL_RATE,
-    LEVEL_US,
+    ACC_LAG_S, ARM_TILT_SD_DEG, BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_LOST_US,
+    LEVEL_RATE, LEVEL_US,
 };
+use crate::free_flight::{self, SHIFT_BITS};
 use crate::mount::Mount;
 use crate::params::{FilterKind, Params};
 use crate::sensor::{self, Kind};
@@ -51,6 +52,9 @@ words! {
         unintegrated_us: u32,
         blow: Blow,
         bias: Bias,
+        /// The part of a count by which acceleration has shifted the rates, and which has not been
+        /// taken off them yet.
+        shift_rest: [i32; 2],
     }
 }
 
@@ -164,6 +168,7 @@ impl Navigation {
             unintegrated_us: 0,
             blow: Blow::default(),
             bias: Bias::Unknown(0),
+            shift_rest: [0; 2],
         }
     }
 
@@ -206,7 +211,7 @@ impl Navigation {
             self.restart(state);
         }
         let dt_us = dt_us.min(ESTIMATOR_GAP_US) as u32;
-        let counts = self.settings.mount.convert(raw);
+        let counts = self.settings.mount.convert(raw, &sample.gyr);
         let field = if sample.is_field_new {
             state.kept.field_age_us = 0;
             counts.mag.filter(|_| self.settings.sees_field)
@@ -216,6 +221,7 @@ impl Navigation {
         };
         state.kept.blow.feel(raw, dt_us);
         state.last = Some(raw.time);
+        let before = state.counts.gyr;
         state.counts = Counts { mag: field, ..counts };
         state.rate_age_us = sample.rates.map(|rates| rates.age_us);
         state.refresh_us = sample.refresh_us;
@@ -224,12 +230,10 @@ impl Navigation {
             if is_free {
                 self.coast(state, elapsed_us);
             } else {
-                let mut counts = state.counts;
-                if state.kept.blow.is_felt() {
-                    // No correction: nobody knows the mean of a clipped acceleration.
-                    counts.acc = [0; 3];
-                }
-                self.advance(state, elapsed_us, dt_us, &counts);
+                // No correction in a blow: nobody knows the mean of a clipped acceleration.
+                let acc = if state.kept.blow.is_felt() { [0; 3] } else { self.acc_now(state) };
+                let counts = Counts { acc, ..state.counts };
+                self.advance(state, elapsed_us, dt_us, counts, before);
             }
             state.counts.mag = None;
         }
@@ -252,10 +256,11 @@ impl Navigation {
         let is_possible = self.estimator.accepts(&kept.estimate)
             && kept.field_age_us <= FIELD_LOST_US
             && u64::from(kept.unintegrated_us) <= ESTIMATOR_GAP_US
-            && kept.blow.is_possible();
+            && kept.blow.is_possible()
+            && kept.shift_rest.iter().all(|rest| (0..1 << SHIFT_BITS).contains(rest));
         state.kept = if is_possible { kept } else { self.start(FIELD_LOST_US) };
         state.last = Some(raw.time);
-        let counts = self.settings.mount.convert(raw);
+        let counts = self.settings.mount.convert(raw, &raw.gyr);
         state.counts = Counts { mag: counts.mag.filter(|_| field_is_due), ..counts };
     }
 
@@ -330,40 +335,77 @@ impl Navigation {
     /// A step of the estimator for rates that are new after so long, us, in a sample `dt_us` after
     /// the one before. There are more of them where the sensor refreshes its rates more slowly, or
     /// where samples were missed while the attitude is still trusted: the rates of this one stand
-    /// for theirs. Beyond that the estimator takes it as a gap.
-    fn advance(&self, state: &mut State, elapsed_us: u32, dt_us: u32, counts: &Counts) {
+    /// for theirs. Beyond that the estimator takes it as a gap. Without a missed sample it is the
+    /// rates `before` that were refreshed again: a vehicle at rest may be released in between.
+    fn advance(
+        &self,
+        state: &mut State,
+        elapsed_us: u32,
+        dt_us: u32,
+        mut counts: Counts,
+        before: [i16; 3],
+    ) {
         // The estimator takes up to a quarter more for a single step.
         const LONGEST_STEP_US: u32 = ESTIMATOR_PERIOD_US * 5 / 4;
         // Two periods without a missed sample are those of a vehicle at rest, whose rates were the
-        // same twice. The second has time until a tick without new rates.
+        // same twice. The second, of the new rates, has time until a tick without new ones.
         let period_us = state.refresh_us;
         let due_us = elapsed_us + mem::take(&mut state.kept.unintegrated_us);
         if dt_us <= LONGEST_STEP_US && due_us <= 2 * period_us && period_us <= LONGEST_STEP_US {
             let step_us = due_us.min(period_us);
             state.kept.unintegrated_us = due_us - step_us;
-            return self.estimator.update(&mut state.kept.estimate, step_us, counts);
+            // Less than half a period is what a better estimate of the period leaves.
+            if due_us - step_us > step_us / 2 {
+                counts.gyr = before;
+            }
+            return self.estimator.update(&mut state.kept.estimate, step_us, &counts);
         }
         if elapsed_us <= LONGEST_STEP_US || u64::from(dt_us) > DATA_AGE_LIMIT_US {
-            return self.estimator.update(&mut state.kept.estimate, elapsed_us, counts);
+            return self.estimator.update(&mut state.kept.estimate, elapsed_us, &counts);
         }
         let steps = elapsed_us.div_ceil(LONGEST_STEP_US);
         let step_us = elapsed_us / steps;
-        let unseen = Counts { mag: None, ..*counts };
+        let unseen = Counts { mag: None, ..counts };
         for _ in 1..steps {
             self.estimator.update(&mut state.kept.estimate, step_us, &unseen);
         }
         let last_us = elapsed_us - step_us * (steps - 1);
-        self.estimator.update(&mut state.kept.estimate, last_us, counts);
+        self.estimator.update(&mut state.kept.estimate, last_us, &counts);
+    }
+
+    /// The acceleration of the newest sample, counts, in the axes that the body has at the time of
+    /// its attitude, [`ACC_LAG_S`] later: `a + a x u` after a turn `u`.
+    fn acc_now(&self, state: &State) -> [i16; 3] {
+        /// A count's turn, Q15 rad, times 2^16.
+        const TURN: i32 = (ACC_LAG_S * sensor::SCALE.gyr_rad_s * 2_147_483_648.0 + 0.5) as i32;
+        let Counts { acc, gyr, .. } = state.counts;
+        let bias_q9 = self.estimator.bias_q9(&state.kept.estimate);
+        let turn = |rate: i16, bias_q9: i32| ((i32::from(rate) - (bias_q9 >> 9)) * TURN) >> 16;
+        let ([wx, wy, wz], [bx, by, bz]) = (gyr, bias_q9);
+        let [ux, uy, uz] = [turn(wx, bx), turn(wy, by), turn(wz, bz)];
+        let [x, y, z] = acc.map(i32::from);
+        let [ax, ay, az] = acc;
+        let moved = |a: i16, cross: i32| a.saturating_add((cross >> 15) as i16);
+        [moved(ax, y * uz - z * uy), moved(ay, z * ux - x * uz), moved(az, x * uy - y * ux)]
     }
 
     /// The estimator's step in free flight, for rates that are new after so long, us: in parts that
-    /// it takes whole.
+    /// it takes whole. The offset was learned under 1 g; what the rest of the acceleration makes of
+    /// it is taken off the rates.
     #[inline(never)]
     fn coast(&self, state: &mut State, elapsed_us: u32) {
+        let thrust = state.upwards() - (GRAVITY * sensor::ACC_COUNTS) as i32;
+        let mut rates = state.counts.gyr;
+        let shifts = self.settings.shift.iter().zip(&mut state.kept.shift_rest);
+        for (rate, (per_count, rest)) in rates.iter_mut().zip(shifts) {
+            *rest += i32::from(*per_count) * thrust;
+            *rate = rate.saturating_sub((*rest >> SHIFT_BITS) as i16);
+            *rest &= (1 << SHIFT_BITS) - 1;
+        }
         let mut due_us = elapsed_us + mem::take(&mut state.kept.unintegrated_us);
         while due_us > 0 {
             let step_us = due_us.min(ESTIMATOR_PERIOD_US);
-            self.estimator.coast(&mut state.kept.estimate, step_us, &state.counts.gyr);
+            self.estimator.coast(&mut state.kept.estimate, step_us, &rates);
             due_us -= step_us;
         }
     }
@@ -415,6 +457,9 @@ struct Settings {
     filter: FilterKind,
     sees_field: bool,
     sensor: Kind,
+    /// Shift of the body's rates for a count of acceleration from tail to nose, 2^-[`SHIFT_BITS`]
+    /// counts.
+    shift: [i16; 2],
 }
 
 impl Settings {
@@ -426,6 +471,7 @@ impl Settings {
             filter: params.filter(),
             sees_field: params.fuse_mag() != 0.0,
             sensor: params.sensor_kind(),
+            shift: free_flight::shift(params),
         }
     }
 

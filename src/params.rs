@@ -137,6 +137,12 @@ pub struct Params {
     values: [f32; COUNT],
 }
 
+/// The whole part of a number. A conversion takes 40 bytes, so that all go through this one.
+#[inline(never)]
+pub(crate) fn whole(value: f32) -> i32 {
+    value as i32
+}
+
 impl Params {
     /// The accelerometer's offset, m/s2.
     pub fn cal_acc_offset(&self) -> [f32; 3] {
@@ -295,16 +301,16 @@ impl Params {
     pub fn timing(&self) -> Timing {
         Timing {
             sensor: self.sensor_kind(),
-            frame_hz: self.srv_rate_hz() as u32,
-            i2c_khz: self.i2c_khz() as u32,
-            stretch_us: self.i2c_stretch_us() as u32,
+            frame_hz: whole(self.srv_rate_hz()) as u32,
+            i2c_khz: whole(self.i2c_khz()) as u32,
+            stretch_us: whole(self.i2c_stretch_us()) as u32,
         }
     }
 
     /// FINE of the DFLL, 0 to 1023, if a USB host has disciplined it once.
     pub fn clock_fine(&self) -> Option<u16> {
         let fine = self.clk_fine();
-        (fine >= 0.0).then_some(fine as u16)
+        (fine >= 0.0).then_some(whole(fine) as u16)
     }
 
     /// USB has disciplined the clock to this FINE.

@@ -7,6 +7,14 @@ use tvc_pid::{Coefficients, Q16};
 use crate::failsafe::{self, Command};
 use crate::params::Params;
 
+/// No fraction of a shift.
+pub(crate) const SHIFT_BITS: u32 = 0;
+
+/// The acceleration does not shift the rates.
+pub(crate) fn shift(_: &Params) -> [i16; 2] {
+    [0; 2]
+}
+
 /// The parameters say nothing of free flight.
 #[derive(Clone, Debug)]
 pub(crate) struct FreeFlight;

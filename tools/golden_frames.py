@@ -85,7 +85,7 @@ def frames():
         yield f"{name}_upload", frame(mavlink.MAVLink_mission_count_message(1, 1, 300, kind), 7, host)
         yield f"{name}_refused", frame(mavlink.MAVLink_mission_ack_message(*host, 3, kind), 5)
     yield "param_set", frame(mavlink.MAVLink_param_set_message(1, 1, b"PID_KP", 1.6, 9), 9, host)
-    yield "param_value", frame(mavlink.MAVLink_param_value_message(b"PID_KP", 1.6, 9, 104, 0), 5)
+    yield "param_value", frame(mavlink.MAVLink_param_value_message(b"PID_KP", 1.6, 9, 106, 0), 5)
     yield "param_unknown", frame(mavlink.MAVLink_param_request_read_message(1, 1, b"NO_SUCH", -1), 7, host)
     yield "param_error", frame(mavlink.MAVLink_param_error_message(*host, b"NO_SUCH", -1, 1), 5)
     yield "message_interval", frame(mavlink.MAVLink_message_interval_message(1, 1_000_000), 5)

@@ -41,6 +41,9 @@ impl RawSample {
 pub struct Sample {
     /// The counts.
     pub raw: RawSample,
+    /// Angular rate, counts, with all three axes at one refresh: `raw` has an older x where the
+    /// sensor refreshed its registers in the midst of the burst.
+    pub gyr: [i16; 3],
     /// The rates, if they are new since the reading before.
     pub rates: Option<NewRates>,
     /// Time between two refreshes of the rates, us.

@@ -218,6 +218,24 @@ fn a_step_is_taken_for_a_burst_or_a_missed_one_and_for_nothing_else() {
     }
 }
 
+/// A save that waits for a host keeps nobody from the sensor.
+#[test]
+fn no_piece_of_a_save_is_due_while_the_port_is_closed() {
+    let mut bench = Bench::new();
+    bench.board.open = true;
+    bench.board.packets = vec![crate::telemetry::tests::save()];
+    bench.turns(vec![Event::Nothing]);
+    bench.board.open = false;
+    bench.board.packets.clear();
+    let Bench { driver, flight, telemetry, recorder, board, now, .. } = &mut bench;
+    let mut application = Application::new(driver, flight, telemetry, recorder);
+    for _ in 0..20 {
+        *now = now.after(10_000);
+        application.turn(*now, Event::Missed, board);
+        assert!(application.telemetry.has_storage_order() && !application.has_piece_to_save());
+    }
+}
+
 #[test]
 fn the_sensor_waits_for_a_free_bus() {
     let mut bench = Bench::new();

@@ -144,6 +144,29 @@ impl Desk {
     }
 }
 
+/// A turn of 0.8 rad within half a second. The accelerometer shows it late, and the attitude has
+/// the newest rates for a whole period: without a correction it is 1 mrad off for seconds.
+#[test]
+fn a_turn_leaves_nothing_in_the_attitude() {
+    let lag_s = f64::from(crate::config::ACC_LAG_S) - 0.5e-6 * PERIOD_US as f64;
+    let mut desk = Desk::in_standby(0.8);
+    let begun_us = desk.now_us;
+    let turned = |at_s: f64| {
+        let share = (at_s / 0.5).clamp(0.0, 1.0);
+        let phase = core::f64::consts::PI * share;
+        (0.4 * (1.0 + phase.cos()), -0.8 * core::f64::consts::PI * phase.sin())
+    };
+    for _ in 0..300 {
+        let now_s = (desk.now_us - begun_us) as f64 * 1e-6;
+        let (acc_pitch, rate) = (turned(now_s - lag_s).0, turned(now_s).1);
+        desk.step_with(Ok(reading(desk.now_us, acc_pitch, rate)));
+        if now_s > 0.6 {
+            let pitch = desk.flight.angles_rad()[1];
+            assert!(pitch.abs() < 5e-4, "{now_s} s: {pitch}");
+        }
+    }
+}
+
 #[test]
 fn from_boot_to_upright() {
     for start in [0.2, 0.4, 0.8, -0.8] {

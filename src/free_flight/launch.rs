@@ -10,7 +10,7 @@ use tvc_pid::Q16;
 
 use crate::config::{BURNOUT_US, PAD_TILT_SD_DEG};
 use crate::failsafe::State;
-use crate::params::Params;
+use crate::params::{Params, whole};
 use crate::sensor::{ACC_COUNTS, GYR_NOISE_DEG_RTS, GYR_OFFSET_SD_DEG_S};
 use crate::words::words;
 
@@ -42,8 +42,8 @@ pub(crate) struct Settings {
 
 impl Settings {
     pub(crate) fn new(params: &Params) -> Self {
-        let counts = |m_s2: f32| (m_s2 * ACC_COUNTS) as i32;
-        let us = |seconds: f32| (seconds * 1.0e6) as u32;
+        let counts = |m_s2: f32| whole(m_s2 * ACC_COUNTS);
+        let us = |seconds: f32| whole(seconds * 1.0e6) as u32;
         let settings = Self {
             launch: counts(params.launch_acc()),
             launch_us: us(params.launch_s()),

@@ -4,7 +4,7 @@
 use tvc_pid::{Coefficients, Gains, Q16, Schedule};
 
 use crate::controller;
-use crate::params::{Params, Place};
+use crate::params::{Params, Place, whole};
 
 /// Rows of the schedule, at most.
 const ROWS: usize = 6;
@@ -31,7 +31,7 @@ impl GainSchedule {
     pub(crate) fn configure(&mut self, params: &Params) {
         // A row's four values stand in a line, one row behind the other.
         let (values, _) = params.values_from(Place::gs1_s).as_chunks();
-        let used = values.iter().take((params.gs_rows() as usize).min(ROWS));
+        let used = values.iter().take((whole(params.gs_rows()) as usize).min(ROWS));
         let rows = used.map_while(|&[at_s, kp, ki, kd]| {
             Some((at_s, controller::scheduled(params, Gains { kp, ki, kd })?))
         });

@@ -326,8 +326,13 @@ parameters! {
     /// 0: in control the gyroscope alone turns the attitude, as a vehicle in free flight needs it;
     /// 1: the accelerometer corrects it, as one that hangs needs it
     ["free-flight"] fuse_acc: "FUSE_ACC", "", OneOf(&[0.0, 1.0]), 1.0, Disarmed;
-    /// shift of the gyroscope's offset by an acceleration of 1 g, by which tilt_sd grows
+    /// shift of the gyroscope's offset by an acceleration of 1 g, but for GYR_PER_G_X to Z: by it
+    /// tilt_sd grows
     ["free-flight"] gyr_per_g: "GYR_PER_G", "deg/s", Between(0.0, 1.0), 0.1, Live;
+    /// shift of the rate about the body's x by 1 g from tail to nose
+    ["free-flight"] gyr_per_g_x: "GYR_PER_G_X", "deg/s", Between(-1.0, 1.0), 0.0, Disarmed;
+    /// shift of the rate about the body's y by 1 g from tail to nose
+    ["free-flight"] gyr_per_g_y: "GYR_PER_G_Y", "deg/s", Between(-1.0, 1.0), 0.0, Disarmed;
     /// acceleration from tail to nose that releases an armed vehicle; 0: an order alone does
     ["free-flight"] launch_acc: "LAUNCH_ACC", "m/s2", Between(0.0, 100.0), 0.0, Disarmed;
     /// how long LAUNCH_ACC must last

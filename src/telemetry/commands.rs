@@ -18,6 +18,7 @@ use crate::bringup;
 use crate::config::{PULSE_MAX_US, PULSE_MIN_US};
 use crate::failsafe::{Command, Refusal, RefusalKind, State};
 use crate::flight::Flight;
+use crate::params::whole;
 use crate::servo::PulseUs;
 
 const CALIBRATION: u16 = MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION as u16;
@@ -61,14 +62,17 @@ impl Telemetry {
                     && (PULSE_MIN_US..=PULSE_MAX_US).contains(&param2) =>
             {
                 let axis = if param1 == 1.0 { Axis::Pitch } else { Axis::Roll };
-                let pulse = PulseUs(param2 as u16);
+                let pulse = PulseUs(whole(param2) as u16);
                 self.order(now, Command::TestPulse(axis, pulse), flight)
             }
             // Answered when it is done.
             STORAGE => return self.order_storage(param1, flight),
             bringup::COMMAND if flight.state().is_idle() => {
                 // Answered when it is done.
-                let order = bringup::Order { what: param1 as u8, number: param2.to_bits() };
+                let order = bringup::Order {
+                    what: whole(param1).clamp(0, u8::MAX.into()) as u8,
+                    number: param2.to_bits(),
+                };
                 self.bringup = Some((order, self.asker));
                 return;
             }
@@ -236,7 +240,7 @@ impl Telemetry {
 
 /// The number of a message in a command's parameter; one that no message has for nonsense.
 fn message_id(param: f32) -> u32 {
-    let id = param as u32;
+    let id = whole(param) as u32;
     if id as f32 == param { id } else { u32::MAX }
 }
 

@@ -10,6 +10,7 @@ use mavlink::dialects::common::{
 };
 
 use crate::config::HEARTBEAT_PERIOD_US;
+use crate::params::whole;
 
 /// The messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,8 +87,7 @@ impl Rates {
         } else if interval_us == 0.0 {
             default
         } else if interval_us > 0.0 {
-            // The conversion saturates.
-            ((interval_us / step_us as f32 + 0.5) as u16).max(1)
+            whole(interval_us / step_us as f32 + 0.5).clamp(1, u16::MAX.into()) as u16
         } else {
             return false;
         };

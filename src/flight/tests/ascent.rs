@@ -93,6 +93,23 @@ fn the_tilt_grows_uncertain_in_free_flight() {
     assert!(tilt_sd_deg(&desk) > 2.0);
 }
 
+/// 0.5 deg/s for each g is 0.774 deg/s under 1.55 g more than on the pad, where the offset was
+/// learned. The gyroscope of a vehicle that stays level reads nothing, so that what is taken off
+/// turns the attitude.
+#[test]
+fn what_acceleration_shifts_is_taken_off_the_rates_in_free_flight() {
+    for (name, axis) in [("GYR_PER_G_X", 0), ("GYR_PER_G_Y", 1)] {
+        let mut desk = desk(&[(name, 0.5)]);
+        feeling(&mut desk, PAD, 200);
+        assert!(tilt_deg(&desk) < 0.05, "{name}: {}", tilt_deg(&desk));
+        let begun_us = desk.now_us;
+        feeling(&mut desk, [0, 0, -2_500], 500);
+        let expected_deg = -0.774 * (desk.now_us - begun_us) as f32 * 1e-6;
+        let angle_deg = desk.flight.angles_rad()[axis].to_degrees();
+        assert!((angle_deg - expected_deg).abs() < 0.03, "{name}: {angle_deg} {expected_deg}");
+    }
+}
+
 /// The same error asks for the more of the rudder the later it is in the burn.
 #[test]
 fn gains_follow_the_burn() {

@@ -62,7 +62,7 @@ fn samples(flight: &Flight, params: &Params) -> Vec<(f64, RecordedSample)> {
         let before = last.replace(raw.time.0);
         let dt_us = before
             .map_or(params.control_period_us().into(), |before| raw.time.0.saturating_sub(before));
-        let counts = mount.convert(&raw);
+        let counts = mount.convert(&raw, &raw.gyr);
         // The registers repeat until the magnetometer has measured again.
         let fresh = last_field.replace(raw.mag) != Some(raw.mag);
         let sample = RecordedSample {
