@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::alignment::{self, Turn};
 use crate::ellipsoid::{self, Ellipsoid};
+use crate::per_g::{self, PerG, Pose};
 use crate::poses::{self, Poses};
 use crate::rest::{self, LEAST_S, Rest};
 use crate::{AXES, Correction, Readings, Sample, Sensor, level, spread, stillness};
@@ -48,6 +49,8 @@ pub struct Found {
     pub rest: Option<Rest>,
     /// The accelerometer's poses.
     pub poses: Option<Poses>,
+    /// How acceleration shifts the gyroscope's offset.
+    pub per_g: Option<PerG>,
     /// The magnetometer's ellipsoid, turned by gravity.
     pub ellipsoid: Option<Ellipsoid>,
     /// Dip of the corrected field and its deviation, rad.
@@ -100,6 +103,17 @@ pub fn fit(readings: &Readings, wanted: &Wanted) -> Found {
     if wanted.has(Sensor::Acc) {
         let poses = poses::fit(&stillness::forces(samples, &rests), wanted.gravity);
         found.poses = found.or_refused(poses);
+        let acc = found.acc();
+        let pose = |range: &Range<usize>| {
+            let samples = &samples[range.clone()];
+            Some(Pose {
+                force: acc.apply(&spread(samples.iter().map(|m| &m.acc))?.0) / wanted.gravity,
+                rate: spread(samples.iter().map(|m| &m.gyr))?.0,
+                seconds: stillness::length_s(samples),
+            })
+        };
+        let rests: Vec<Pose> = rests.iter().filter_map(pose).collect();
+        found.per_g = found.poses.and_then(|_| per_g::fit(&rests));
     }
     if wanted.has(Sensor::Mag) {
         found.ellipsoid = found.or_refused(ellipsoid::fit(&readings.fields()));

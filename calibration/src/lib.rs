@@ -7,6 +7,7 @@
 //! |---|---|---|
 //! | [`rest`] | ten seconds without any motion (the tombstone test) | gyroscope bias |
 //! | [`poses`] | rest on six faces, or in more directions | accelerometer offset and scale |
+//! | [`per_g`] | the same rests | shift of the gyroscope's offset by acceleration |
 //! | [`ellipsoid`] | a turn through all directions | magnetometer hard and soft iron |
 //! | [`alignment`] | the same turn | polarity and alignment of the sensors against each other |
 //! | [`level`] | rest with the body level | mount rotation |
@@ -20,6 +21,7 @@ pub mod coverage;
 pub mod ellipsoid;
 pub mod fit;
 pub mod level;
+pub mod per_g;
 pub mod poses;
 pub mod prompt;
 mod readings;

@@ -1,5 +1,7 @@
 //! What the fits are given: samples, whichever format or link they came from.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Vector3;
 
 use crate::spread;
@@ -39,6 +41,8 @@ pub struct Readings {
     pub fresh: Vec<usize>,
     /// When a person was asked to stand the body level, s since the first sample.
     pub level_from_s: Option<f64>,
+    /// The vehicle's parameters, by name, where it has told them.
+    pub parameters: BTreeMap<String, f32>,
     /// Time of the first sample, as it came.
     begun_s: f64,
 }

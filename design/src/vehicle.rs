@@ -229,7 +229,11 @@ impl Vehicle {
         let parameters = match (self.kind, self.airframes.first()) {
             (VehicleKind::Rocket, Some(airframe)) => {
                 rig.bench.vehicle = VehicleConfig::Rocket(Box::new(airframe.on_pad(rig.seed)));
-                rocket::parameters(airframe, RocketLaw::Scheduled)
+                let per_g_deg_s = rig.hardware.gyro_per_g_deg_s;
+                let gyroscope = rocket::calibrated(per_g_deg_s, rig.seed);
+                let mut all = rocket::parameters(airframe, RocketLaw::Scheduled);
+                all.extend(gyroscope);
+                all
             }
             (VehicleKind::Drone2, _) => {
                 rig.bench.vehicle = VehicleConfig::TwoAxes(self.two_axes);

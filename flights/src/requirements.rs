@@ -15,6 +15,10 @@ pub const DISPERSED_WITHIN_PCT: Limit = AtLeast(99.0);
 pub const ASCENT_ERROR_MOST_DEG: f64 = 2.0;
 /// The same as a requirement.
 pub const ASCENT_ERROR_RMS_DEG: Limit = AtMost(ASCENT_ERROR_MOST_DEG);
+/// Largest angle of a rocket's axis from the vertical at burnout, deg.
+pub const ASCENT_END_MOST_DEG: f64 = 4.0;
+/// The same as a requirement.
+pub const ASCENT_ERROR_END_DEG: Limit = AtMost(ASCENT_END_MOST_DEG);
 /// The firmware is in control until the end.
 pub const IN_CONTROL: Limit = Set;
 /// Control rate, Hz.

@@ -27,6 +27,8 @@ pub enum Stream {
     SecondSensorUnit = 9,
     /// Noise of the on-board sensor's signals.
     SecondSensorNoise = 10,
+    /// Errors of a rocket's calibrated gyroscope.
+    GyroCalibration = 11,
 }
 
 /// The generator of `stream` under `seed`; the same on every machine.

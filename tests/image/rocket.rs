@@ -17,7 +17,9 @@ fn on_pad(airframe: &Airframe, law: RocketLaw, changes: &[(&str, f32)]) -> Setup
     let on_pad = airframe.on_pad(SEED);
     setup.rig.bench.vehicle = VehicleConfig::Rocket(Box::new(on_pad));
     let stored = setup.rig.stored.as_mut().unwrap();
-    for (name, value) in rocket::parameters(airframe, law) {
+    let per_g_deg_s = setup.rig.hardware.gyro_per_g_deg_s;
+    let gyroscope = rocket::calibrated(per_g_deg_s, SEED);
+    for (name, value) in rocket::parameters(airframe, law).into_iter().chain(gyroscope) {
         stored.set(&name, value).unwrap();
     }
     for (name, value) in changes {

@@ -54,7 +54,7 @@ impl Default for Hardware {
             sensor: bno055::Config::default(),
             sensor_clock_percent: 1.0,
             noise: 1.0,
-            gyro_per_g_deg_s: 0.0,
+            gyro_per_g_deg_s: 0.1,
             lever_m: [0.0; 3],
             bootloader: Bootloader::default(),
             clock_percent: 0.0,
@@ -128,9 +128,7 @@ impl Hardware {
         errors.gyro_noise_density *= self.noise;
         errors.acc_noise_density *= self.noise;
         errors.mag_noise_ut *= self.noise;
-        if self.gyro_per_g_deg_s != 0.0 {
-            sensor.errors.gyro_per_g_rad_s = [self.gyro_per_g_deg_s.to_radians(); 3];
-        }
+        errors.gyro_per_g_rad_s = [self.gyro_per_g_deg_s.to_radians(); 3];
     }
 }
 

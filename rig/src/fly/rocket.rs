@@ -9,6 +9,7 @@ use plant::ascent::{AscentParameters, Gust, Turbulence, Wind};
 use plant::parameters::check;
 use plant::rocket::{GRAVITY_M_S2, Rocket, RocketParameters};
 use rand::Rng;
+use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 use tvc_pid::Gains;
@@ -364,6 +365,20 @@ pub fn parameters(airframe: &Airframe, law: RocketLaw) -> Vec<(String, f32)> {
         }
     }
     all
+}
+
+/// Standard deviation of what six faces of eight seconds each tell of a gyroscope's shift by
+/// acceleration, deg/s for each g: ten calibrations at the rig.
+const PER_G_SD: f64 = 0.003;
+
+/// The parameters of an image whose gyroscope was calibrated. It shifts on all axes by
+/// `per_g_deg_s` for each g along the sensor's z. The calibration's error comes from a seed.
+pub fn calibrated(per_g_deg_s: f64, seed: u64) -> [(String, f32); 3] {
+    let mut dice = generator(seed, Stream::GyroCalibration);
+    // From tail to nose is against the sensor's z.
+    let mut found = || -per_g_deg_s + PER_G_SD * dice.sample::<f64, _>(StandardNormal);
+    let values = [("GYR_PER_G", PER_G_SD), ("GYR_PER_G_X", found()), ("GYR_PER_G_Y", found())];
+    values.map(|(name, value)| (name.to_owned(), value as f32))
 }
 
 #[cfg(test)]

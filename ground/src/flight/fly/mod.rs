@@ -89,8 +89,8 @@ fn setup(options: &Fly, vehicle: &Vehicle) -> Result<Setup> {
         store(stored, [("FUSE_FILTER", filter.value())])?;
     }
     options.sensor.fit(&mut setup.rig)?;
-    vehicle.hang(&mut setup.rig)?;
     setup.rig.hardware = options.hardware.hardware()?;
+    vehicle.hang(&mut setup.rig)?;
     Ok(setup)
 }
 

@@ -38,6 +38,15 @@ pub fn figures(
             figure("poses", poses.count).shown("  poses", "", 0),
         ]
     });
+    let per_g = found.per_g.map(|per_g| {
+        let matrix = per_g.matrix.map(f64::to_degrees);
+        let label = "gyroscope's shift, deg/s for each g, at most";
+        [
+            data("matrix_deg_s", &by_rows(&matrix)),
+            figure("largest_deg_s", matrix.amax()).shown(label, "", 3),
+            figure("deviation_deg_s", per_g.deviation.to_degrees()).shown("  known to", "", 4),
+        ]
+    });
     let mag = found.ellipsoid.map(|ellipsoid| {
         let offset = ellipsoid.correction.offset;
         let [before, after] = [readings.field_spread_ut(), ellipsoid.residual];
@@ -74,6 +83,7 @@ pub fn figures(
         figure("samples", readings.samples.len()),
         figure("gyr", gyr),
         figure("acc", acc),
+        figure("per_g", per_g),
         figure("mag", mag),
         match mount_words {
             Some(words) => mount_deg.said("mount roll, pitch, deg", words),

@@ -23,6 +23,8 @@ use report::measure::{Figures, figure};
 const REST_S: f64 = 10.0;
 /// Shortest rest that counts as a pose, s: more than the fit needs.
 const POSE_S: f64 = 1.5;
+/// The same for a vehicle that flies free, whose gyroscope's shift by acceleration counts.
+const LONG_POSE_S: f64 = 8.0;
 /// Length of the latest samples that show whether the sensor moves now, s.
 const NOW_S: f64 = 0.5;
 /// Share of all directions that ends the turn at once; after [`LONG_S`] the least share that the
@@ -220,9 +222,11 @@ fn pose(session: &mut Session, wanted: &Wanted) -> Result<Refused> {
     let mut done: Vec<Face> = Vec::new();
     let mut asked = None;
     let mut news_s = session.now_s();
+    let flies_free = session.vehicle.link().client().parameter("FUSE_ACC") == Some(0.0);
+    let pose_s = if flies_free { LONG_POSE_S } else { POSE_S };
     loop {
         let samples = session.samples();
-        let found = stillness::find(samples, POSE_S);
+        let found = stillness::find(samples, pose_s);
         let forces = stillness::forces(samples, &found);
         for face in forces.iter().filter_map(Face::of) {
             if !done.contains(&face) {

@@ -1,10 +1,11 @@
 //! What a calibration comes to: parameters of the firmware, figures and a report.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
 use calibration::{Found, Readings};
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 use tvc_nano::Params;
 
 use super::figures::figures;
@@ -37,7 +38,7 @@ impl Outcome {
         found: &Found,
         declination_deg: Option<f64>,
     ) -> Result<Self> {
-        let rows = parameters(found, declination_deg)?;
+        let rows = parameters(found, declination_deg, &readings.parameters)?;
         let figures = figures(readings, found, declination_deg, &rows);
         let page = report::page(log, readings, found, &figures)?;
         Ok(Self { rows, figures, refused: found.refused.clone(), page })
@@ -67,7 +68,11 @@ impl Outcome {
 }
 
 /// The firmware's parameters, each checked against its table.
-fn parameters(found: &Found, declination_deg: Option<f64>) -> Result<Vec<Parameter>> {
+fn parameters(
+    found: &Found,
+    declination_deg: Option<f64>,
+    of_vehicle: &BTreeMap<String, f32>,
+) -> Result<Vec<Parameter>> {
     const AXES: [&str; 3] = ["X", "Y", "Z"];
     let mut values: Vec<(String, f64)> = Vec::new();
     let mut vector = |prefix: &str, vector: Vector3<f64>| {
@@ -90,6 +95,21 @@ fn parameters(found: &Found, declination_deg: Option<f64>) -> Result<Vec<Paramet
     if let Some((roll, pitch)) = found.mount {
         values.push(("MNT_ROLL_DEG".into(), roll.to_degrees()));
         values.push(("MNT_PITCH_DEG".into(), pitch.to_degrees()));
+    }
+    if of_vehicle.get("FUSE_ACC") == Some(&0.0)
+        && let Some(per_g) = &found.per_g
+    {
+        let [roll, pitch, yaw] = ["ROLL", "PITCH", "YAW"].map(|angle| {
+            let deg = of_vehicle.get(&format!("MNT_{angle}_DEG"));
+            f64::from(deg.copied().unwrap_or_default()).to_radians()
+        });
+        let (roll, pitch) = found.mount.unwrap_or((roll, pitch));
+        let to_body = Rotation3::from_euler_angles(roll, pitch, yaw);
+        let up = to_body.inverse() * -Vector3::z();
+        let shift = (to_body * (per_g.matrix * up)).map(f64::to_degrees);
+        values.push(("GYR_PER_G".into(), per_g.deviation.to_degrees()));
+        values.push(("GYR_PER_G_X".into(), shift.x));
+        values.push(("GYR_PER_G_Y".into(), shift.y));
     }
     if let Some(deg) = declination_deg {
         values.push(("DECLINATION_DEG".into(), deg));

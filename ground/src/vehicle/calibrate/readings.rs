@@ -6,6 +6,7 @@ use anyhow::{Result, bail};
 use calibration::prompt::Prompt;
 use calibration::{Reading, Readings};
 use client::request::text_of;
+use client::text;
 use mavlink::dialects::common::MavMessage;
 use nalgebra::Vector3;
 use recordings::{Source, bno055};
@@ -62,6 +63,9 @@ pub fn take(readings: &mut Readings, message: &MavMessage) {
                 acc: vector(m.xacc, m.yacc, m.zacc) * bno055::ACC_M_S2,
                 mag: (mag.norm() > 0.0).then_some(mag * bno055::MAG_UT),
             });
+        }
+        MavMessage::PARAM_VALUE(m) => {
+            readings.parameters.insert(text(&m.param_id).to_owned(), m.param_value);
         }
         _ if prompt_in(message) == Some(Prompt::Level) => {
             readings.level_from_s = Some(readings.length_s());

@@ -99,9 +99,22 @@ impl Rig {
     }
 }
 
+/// The rig's gyroscope shifts by -0.1 deg/s for 1 g from tail to nose.
+#[test]
+fn a_rocket_learns_how_acceleration_shifts_its_gyroscope() {
+    let rig = Rig::start("--vehicle rocket --seed 5");
+    let found = json(&rig.tvc(&["calibrate", "--yes", "--only", "gyr,acc"]));
+    for name in ["GYR_PER_G_X", "GYR_PER_G_Y"] {
+        let shift = found["parameters"][name].as_f64().unwrap();
+        assert!((shift + 0.1).abs() < 0.015, "{name}: {shift}");
+    }
+    let deviation = found["parameters"]["GYR_PER_G"].as_f64().unwrap();
+    assert!((0.001..0.004).contains(&deviation), "{deviation}");
+}
+
 #[test]
 fn a_sensor_with_the_largest_errors_is_calibrated_at_the_port_and_out_of_the_recording_alike() {
-    let rig = Rig::start("--sensor-errors worst --seed 5");
+    let rig = Rig::start("--sensor-errors worst --seed 5 --hardware gyro-per-g=0");
     let output = rig.tvc(&["calibrate", "--yes", "--place", "55.79,12.52"]);
     let found = json(&output);
     assert_keys("calibrate", &found);
