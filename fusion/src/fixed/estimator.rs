@@ -61,7 +61,7 @@ use super::lag::{self, Lag};
 use super::orientation::{Angles, Orientation};
 use super::quality::{Uncertainty, UncertaintyState, job};
 use super::rest::{self, Rest};
-use super::rotation::{BIAS_BITS, PerCount, Rotation, dot};
+use super::rotation::{BIAS_BITS, PerCount, Rotation, cross, dot};
 use super::sensors::{Late, Sensors};
 use super::start_up::Schedule;
 use super::state::{LastField, State};
@@ -118,8 +118,9 @@ pub struct Estimator<F, S = Late> {
     gyr_rad_s: f32,
     /// Least acceleration along the vertical that says nothing against the estimate, counts.
     least_up: i32,
-    /// Squares of the largest rate of a block and of its least acceleration that show a vertical.
-    slow_rate2: u32,
+    /// Turn of half a block for a count, Q23 rad.
+    half_block: i32,
+    /// Square of the least acceleration of a block that shows a vertical.
     fall2: u32,
     /// Blocks in a row with less than that after which the estimate is wrong.
     low_blocks: u32,
@@ -181,7 +182,7 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
             half_declination: half_declination(config.declination_rad)?,
             gyr_rad_s: scale.gyr_rad_s,
             least_up: (per_g * consistency::LEAST) as i32,
-            slow_rate2: squared(SLOW_RAD_S / scale.gyr_rad_s),
+            half_block: (0.5 * block_s * scale.gyr_rad_s * 8_388_608.0) as i32,
             fall2: squared(0.5 * per_g * consistency::LEAST),
             low_blocks: (consistency::LASTING_S / block_s) as u32,
         })
@@ -435,14 +436,21 @@ impl<F: Filter, S: Sensors> Estimator<F, S> {
     }
 
     /// Begins anew where the mean accelerations of blocks have long been less than gravity along
-    /// the estimated vertical, as the float filters do (`consistency`). A block in which the body
-    /// turns fast has no vertical, and one of a fall neither.
+    /// the estimated vertical, as the float filters do (`consistency`). A mean is half a block old:
+    /// the mean rate turns it into the axes that the body has now. A block in which the body turns
+    /// fast has no vertical, and one of a fall neither.
     #[inline(never)]
     fn check_vertical(&self, state: &mut State) {
-        let down = state.rotation.products().down();
+        let down = state.rotation.down();
         let [rates, acc] = state.rest.means();
-        let up = -(dot(&down, &acc) >> 15);
-        if up >= self.least_up || square(&rates) > self.slow_rate2 || square(&acc) < self.fall2 {
+        // Q12.
+        let turn = rates.map(|rate| (rate * self.half_block) >> 11);
+        let is_low = square(&turn) <= SLOW_TURN2 && square(&acc) >= self.fall2 && {
+            let [x, y, z] = cross(&acc, &turn).map(|part| part >> 12);
+            let now = [acc[0] + x, acc[1] + y, acc[2] + z];
+            -(dot(&down, &now) >> 15) < self.least_up
+        };
+        if !is_low {
             state.low_blocks = 0;
             return;
         }
@@ -532,9 +540,9 @@ fn square(v: &[i32; 3]) -> u32 {
     v.iter().map(|part| (part * part) as u32).sum()
 }
 
-/// Largest rate of a block whose mean acceleration shows a vertical, rad/s. In half a block and the
-/// steps until the check, the body turns by less than 24 deg.
-const SLOW_RAD_S: f32 = 1.7;
+/// Square of the largest turn in half a block whose mean acceleration shows a vertical, Q24 rad^2:
+/// 0.27 rad, at 1.7 rad/s in a block of 0.32 s.
+const SLOW_TURN2: u32 = 1_224_000;
 
 /// Largest plausible rate less its offset, counts.
 const MOST_RATE: i32 = 1 << 16;

@@ -185,14 +185,26 @@ impl Rotation {
     /// step.
     #[inline(always)]
     pub(super) fn products(&mut self) -> Products {
-        let [w, x, y, z] = self.q.map(|c| c >> 15);
-        let (base, xx, yy, zz) = (w * w - ONE / 2, x * x, y * y, z * z);
+        let products = self.present_products();
+        let Products { base, xx, yy, zz, .. } = products;
         self.excess = base + xx + yy + zz - ONE / 2;
+        products
+    }
+
+    /// Down in the body frame.
+    #[inline(always)]
+    pub(super) fn down(&self) -> [Q15; 3] {
+        self.present_products().down()
+    }
+
+    #[inline(always)]
+    fn present_products(&self) -> Products {
+        let [w, x, y, z] = self.q.map(|c| c >> 15);
         Products {
-            base,
-            xx,
-            yy,
-            zz,
+            base: w * w - ONE / 2,
+            xx: x * x,
+            yy: y * y,
+            zz: z * z,
             wx: w * x,
             wy: w * y,
             wz: w * z,
