@@ -35,8 +35,8 @@ pub struct TimedSample {
 
 /// The attitudes at all samples of a recording, by a filter that runs forth and back.
 ///
-/// Rate, offset and flags are the last pass's. Takes 68 bytes a sample in `f32` and 128 in `f64`
-/// while it runs.
+/// Rate, offset and flags are the last pass's. `acc_lag_s` does not count. Takes 68 bytes a sample
+/// in `f32` and 128 in `f64` while it runs.
 ///
 /// # Errors
 /// The name of a parameter that is not finite or out of range.
@@ -44,7 +44,9 @@ pub fn smooth<F: Filter>(
     config: &Config<F::Gains>,
     samples: &[TimedSample],
 ) -> Result<Vec<Attitude<F::Real>>, ConfigError> {
-    let mut learning = Estimator::<F>::new(config)?;
+    // It makes up for the delay of a single pass. Both directions have none.
+    let config = Config { acc_lag_s: 0.0, ..*config };
+    let mut learning = Estimator::<F>::new(&config)?;
     for TimedSample { dt_s, sample } in samples {
         learning.update(*dt_s, sample);
     }

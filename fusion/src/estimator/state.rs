@@ -154,8 +154,6 @@ impl<F: Filter> Estimator<F> {
             rate: self.rate.map(|rate| -rate),
             bias: self.bias.map(|bias| -bias),
             half_gyr_lag_s: -self.half_gyr_lag_s,
-            // The errors of the lag have opposite signs in the two directions.
-            acc_lag_s: F::Real::ZERO,
             mag_dt: F::Real::ZERO,
             uncertainty: self.uncertainty.clone(),
             ..*self
