@@ -184,32 +184,32 @@ parameters! {
     pid_kd: "PID_KD", "s", Between(0.0, 3.0), 0.435, Live;
     /// bandwidth of the observer that trims a lateral offset of the mass away, in law 2; 0 is no
     /// trim
-    pid_trim_rad_s: "PID_TRIM_RAD_S", "rad/s", Between(0.0, 20.0), 1.262, Live;
+    pid_trim_rad_s: "PID_TRIM_RAD_S", "rad/s", Between(0.0, 20.0), 0.95, Live;
     /// servo angle per pitch error and second, in laws 0 and 3
     pid_ki: "PID_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
     /// the control law: 0 PD, with PID_KI PID; 2 the switching surface, SFC_GAIN_S and after; 3 a
     /// loop of the angle around one of the rate, with PID_KI and PID_KD
     pid_law: "PID_LAW", "", OneOf(&[0.0, 2.0, 3.0]), 2.0, Disarmed;
     /// servo angle per deviation of the rate from the switching surface
-    sfc_gain_s: "SFC_GAIN_S", "s", Between(0.0, 5.0), 0.4449, Live;
+    sfc_gain_s: "SFC_GAIN_S", "s", Between(0.0, 5.0), 0.565, Live;
     /// slope of the surface near the setpoint
-    sfc_near: "SFC_NEAR", "1/s", Between(0.0, 100.0), 9.9, Live;
+    sfc_near: "SFC_NEAR", "1/s", Between(0.0, 100.0), 11.2, Live;
     /// share of the time-optimal rate at which the pitch approaches
-    sfc_curve: "SFC_CURVE", "", Between(0.0, 3.0), 0.8222, Live;
+    sfc_curve: "SFC_CURVE", "", Between(0.0, 3.0), 0.838, Live;
     /// how far beyond a pulse's effect the surface is looked at
-    sfc_ahead_s: "SFC_AHEAD_S", "s", Between(0.0, 0.1), 0.03027, Live;
+    sfc_ahead_s: "SFC_AHEAD_S", "s", Between(0.0, 0.1), 0.0282, Live;
     /// largest distance of the command from where the servo will be
-    sfc_lead_rad: "SFC_LEAD_RAD", "rad", Between(0.0, 3.0), 0.1814, Live;
+    sfc_lead_rad: "SFC_LEAD_RAD", "rad", Between(0.0, 3.0), 0.194, Live;
     /// share of a new rate's innovation that the model takes over
-    sfc_rate: "SFC_RATE", "", Between(0.0, 1.0), 0.842, Live;
+    sfc_rate: "SFC_RATE", "", Between(0.0, 1.0), 0.929, Live;
     /// share of the pitch's innovation that the model takes over
-    sfc_pitch: "SFC_PITCH", "", Between(0.0, 1.0), 0.4826, Live;
+    sfc_pitch: "SFC_PITCH", "", Between(0.0, 1.0), 0.561, Live;
     /// time constant of the servo's position loop, without frame and motor
-    srv_loop_s: "SRV_LOOP_S", "s", Between(0.0, 1.0), 0.01981, Live;
+    srv_loop_s: "SRV_LOOP_S", "s", Between(0.0, 1.0), 0.0233, Live;
     /// lag of the servo's motor
-    srv_motor_s: "SRV_MOTOR_S", "s", Between(0.0, 1.0), 0.01336, Live;
+    srv_motor_s: "SRV_MOTOR_S", "s", Between(0.0, 1.0), 0.0152, Live;
     /// play behind the servo, either way
-    srv_play_rad: "SRV_PLAY_RAD", "rad", Between(0.0, 0.2), 0.003119, Live;
+    srv_play_rad: "SRV_PLAY_RAD", "rad", Between(0.0, 0.2), 0.00434, Live;
     /// pitch acceleration per servo angle at zero rudder
     pitch_gain: "PITCH_GAIN", "1/s2", Between(1.0, 1000.0), 31.6, Live;
     /// greatest speed of the servo
