@@ -209,14 +209,14 @@ fn spikes_are_ridden_out() {
         let mut flight = in_flight();
         let Ready { rig, station, .. } = &mut flight;
         station.run(rig, ms(later_ms)).unwrap();
-        // Bursts are 6.7 ms apart: one of them at most is hit.
+        // The rates alone are read 2.3 ms before a burst: one reading at most is hit.
         let faults =
-            [Fault::Spikes { probability: 0.05 }, Fault::CorruptWords { probability: 0.05 }];
+            [Fault::Spikes { probability: 0.15 }, Fault::CorruptWords { probability: 0.15 }];
         for _ in 0..30 {
             faults.into_iter().for_each(|fault| rig.inject(fault));
-            station.run(rig, ms(5)).unwrap();
+            station.run(rig, ms(2)).unwrap();
             faults.into_iter().for_each(|fault| rig.clear(fault));
-            station.run(rig, ms(97)).unwrap();
+            station.run(rig, ms(100)).unwrap();
         }
         let wrong = rig.truth().bursts.iter().filter(|burst| !burst.valid).count();
         assert!(wrong > 3, "{wrong} bursts were wrong");
