@@ -34,7 +34,7 @@ impl ServoKind {
                 ("SRV_MOTOR_S", 0.01126),
                 ("SRV_PLAY_RAD", 0.002685),
                 ("SFC_AHEAD_S", 0.01699),
-                ("SFC_GAIN_S", 0.274),
+                ("SFC_GAIN_S", 0.3),
                 ("SFC_LEAD_RAD", 0.1798),
                 ("SFC_NEAR", 19.47),
                 ("SFC_CURVE", 0.8574),
