@@ -169,7 +169,7 @@ impl Drone {
 
     /// Rudder angle `theta3`, in rad.
     pub fn rudder_rad(&self) -> f64 {
-        self.at.linkage.rudder_rad
+        self.at.linkage.rudder_rad()
     }
 
     /// Torque of wash and gravity on the crank, in N m.

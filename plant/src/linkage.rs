@@ -11,6 +11,8 @@
 //! With the drone's lengths the crank is the shortest bar and `L1 + L2 < L3 + Lg`: a crank-rocker
 //! (Grashof), whose crank turns fully and whose rudder swings between two dead points.
 
+use nalgebra::Vector2;
+
 /// The linkage's four lengths, which are not checked here:
 /// [`Parameters::validate`](crate::Parameters::validate) does that.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,6 +27,14 @@ pub struct Linkage {
     pub ground_m: f64,
 }
 
+/// A vector in the plane, in the frame of body 0.
+pub(crate) type Planar = Vector2<f64>;
+
+/// `J v`: the vector turned by +90 deg.
+pub(crate) fn turned(v: Planar) -> Planar {
+    Planar::new(-v.y, v.x)
+}
+
 /// The linkage at one crank angle.
 ///
 /// Velocities follow from the ratios, `v3 = rudder_ratio * v1`; accelerations from ratios and
@@ -33,10 +43,12 @@ pub struct Linkage {
 pub struct LinkageState {
     /// Crank angle `theta1`, in rad.
     pub crank_rad: f64,
-    /// Link angle `theta2`, in rad.
-    pub link_rad: f64,
-    /// Rudder angle `theta3`, in rad.
-    pub rudder_rad: f64,
+    /// Unit vector `u1` from the servo's axis to the crank's end, in the frame of body 0.
+    pub crank: Vector2<f64>,
+    /// Unit vector `u2` from the crank's end to the arm's.
+    pub link: Vector2<f64>,
+    /// Unit vector `u3` from the rudder's axis to the arm's end.
+    pub arm: Vector2<f64>,
     /// `G2 = d theta2 / d theta1`.
     pub link_ratio: f64,
     /// `G3 = d theta3 / d theta1`.
@@ -47,6 +59,24 @@ pub struct LinkageState {
     pub rudder_curvature: f64,
 }
 
+impl LinkageState {
+    /// Link angle `theta2`, in rad.
+    pub fn link_rad(&self) -> f64 {
+        (-self.link.y).atan2(-self.link.x)
+    }
+
+    /// Rudder angle `theta3`, in rad.
+    pub fn rudder_rad(&self) -> f64 {
+        (-self.arm.x).atan2(self.arm.y)
+    }
+
+    /// Sine of the transmission angle, the one between link and rudder arm: 1 when they stand
+    /// square, 0 when they lie in line and the crank can go no further.
+    pub fn transmission(&self) -> f64 {
+        self.link.perp(&self.arm).abs()
+    }
+}
+
 impl Linkage {
     /// Whether link and arm can meet at this crank angle (rad).
     pub fn closes_at(&self, crank_rad: f64) -> bool {
@@ -55,56 +85,38 @@ impl Linkage {
         span < self.link_m + self.arm_m && span > (self.link_m - self.arm_m).abs()
     }
 
-    /// Sine of the transmission angle, the one between link and rudder arm, at a crank angle (rad):
-    /// 1 when they stand square, 0 when they lie in line and the crank can go no further. Not a
-    /// number where the linkage does not close.
-    pub fn transmission(&self, crank_rad: f64) -> f64 {
-        let (link, rudder) = self.angles(crank_rad);
-        (link - rudder).cos().abs()
-    }
-
-    /// Link and rudder angles at a crank angle (rad), in closed form, as `(theta2, theta3)`.
-    ///
-    /// The triangle C, A, B has known sides; the law of cosines gives the arm's direction. Not a
-    /// number where the linkage does not close.
-    pub fn angles(&self, crank_rad: f64) -> (f64, f64) {
-        let (sin, cos) = crank_rad.sin_cos();
-        let (x, y) = (self.ground_m - self.crank_m * sin, self.crank_m * cos);
-        let span_squared = x * x + y * y;
-        let opening = (self.arm_m * self.arm_m + span_squared - self.link_m * self.link_m)
-            / (2.0 * self.arm_m * span_squared.sqrt());
-        let direction = y.atan2(x) + opening.acos();
-        let (sin, cos) = direction.sin_cos();
-        let link = (y - self.arm_m * sin).atan2(x - self.arm_m * cos);
-        (link, direction - std::f64::consts::FRAC_PI_2)
-    }
-
-    /// Angles, ratios and curvatures at a crank angle (rad).
+    /// Directions, ratios and curvatures at a crank angle (rad), in closed form. Not numbers where
+    /// the linkage does not close.
     pub fn at(&self, crank_rad: f64) -> LinkageState {
-        let (link_rad, rudder_rad) = self.angles(crank_rad);
-        let (link_ratio, rudder_ratio) = self.ratios(crank_rad, link_rad, rudder_rad);
-        // The accelerations of a crank that turns evenly at 1 rad/s.
-        let gamma =
-            self.centripetal([crank_rad, link_rad, rudder_rad], [1.0, link_ratio, rudder_ratio]);
-        let (link_curvature, rudder_curvature) = self.solve_slaves(link_rad, rudder_rad, gamma);
+        let (l1, l2, l3) = (self.crank_m, self.link_m, self.arm_m);
+        let (sin, cos) = crank_rad.sin_cos();
+        let crank = Planar::new(-sin, cos);
+        // The triangle of rudder axis, crank's end and arm's end has known sides: the law of
+        // cosines gives the arm's share along the side to the crank's end, and across it.
+        let crank_end = Planar::new(self.ground_m, 0.0) + l1 * crank;
+        let inverse = 1.0 / crank_end.norm_squared();
+        let along = (1.0 + (l3 * l3 - l2 * l2) * inverse) / (2.0 * l3);
+        let across = (inverse - along * along).sqrt();
+        let arm = along * crank_end + across * turned(crank_end);
+        let link = (l3 * arm - crank_end) / l2;
+
+        // L1 u1 + L2 u2 - L3 u3 does not change: its first and its second derivative vanish.
+        let determinant = l2 * l3 * link.perp(&arm);
+        let (to_link, to_rudder) = (l3 / determinant, l2 / determinant);
+        let link_ratio = -l1 * crank.perp(&arm) * to_link;
+        let rudder_ratio = -l1 * crank.perp(&link) * to_rudder;
+        let bent = l1 * crank + l2 * link_ratio * link_ratio * link
+            - l3 * rudder_ratio * rudder_ratio * arm;
         LinkageState {
             crank_rad,
-            link_rad,
-            rudder_rad,
+            crank,
+            link,
+            arm,
             link_ratio,
             rudder_ratio,
-            link_curvature,
-            rudder_curvature,
+            link_curvature: bent.dot(&arm) * to_link,
+            rudder_curvature: bent.dot(&link) * to_rudder,
         }
-    }
-
-    /// The right-hand side `gamma` of `Phi_1 th1'' + Phi_23 [th2'', th3''] = gamma`, in m/s2:
-    /// what the squared rates (rad/s) of crank, link and rudder demand of the accelerations.
-    pub fn centripetal(&self, angles: [f64; 3], rates: [f64; 3]) -> [f64; 2] {
-        let [(s1, c1), (s2, c2), (s3, c3)] = angles.map(f64::sin_cos);
-        let [v1, v2, v3] = rates.map(|v| v * v);
-        let (l1, l2, l3) = (self.crank_m, self.link_m, self.arm_m);
-        [-l1 * s1 * v1 - l2 * c2 * v2 + l3 * s3 * v3, l1 * c1 * v1 - l2 * s2 * v2 - l3 * c3 * v3]
     }
 
     /// The crank angle for a rudder angle (rad), on the branch where both turn the same way.
@@ -144,23 +156,6 @@ impl Linkage {
         };
         Some(((-quarter - arm(low), low), (quarter - arm(high), high)))
     }
-
-    /// `(G2, G3)` by the closed form of Cramer's rule.
-    fn ratios(&self, crank: f64, link: f64, rudder: f64) -> (f64, f64) {
-        let denominator = (link - rudder).cos();
-        (
-            self.crank_m / self.link_m * (rudder - crank).sin() / denominator,
-            self.crank_m / self.arm_m * (crank - link).cos() / denominator,
-        )
-    }
-
-    /// Solves `Phi_23 x = b` for the link's and the rudder's share.
-    fn solve_slaves(&self, link: f64, rudder: f64, b: [f64; 2]) -> (f64, f64) {
-        let ((s2, c2), (s3, c3)) = (link.sin_cos(), rudder.sin_cos());
-        let (l2, l3) = (self.link_m, self.arm_m);
-        let det = l2 * l3 * (link - rudder).cos();
-        ((l3 * s3 * b[0] - l3 * c3 * b[1]) / det, (l2 * c2 * b[0] + l2 * s2 * b[1]) / det)
-    }
 }
 
 #[cfg(test)]
@@ -197,8 +192,8 @@ mod tests {
             (65.0, -17.08, 27.46, 0.107),
         ] {
             let state = linkage().at(f64::to_radians(crank));
-            assert!((state.link_rad.to_degrees() - link).abs() < 0.0051);
-            assert!((state.rudder_rad.to_degrees() - rudder).abs() < 0.0051);
+            assert!((state.link_rad().to_degrees() - link).abs() < 0.0051);
+            assert!((state.rudder_rad().to_degrees() - rudder).abs() < 0.0051);
             assert!((state.rudder_ratio - ratio).abs() < 0.0006);
         }
     }
@@ -207,7 +202,7 @@ mod tests {
     fn zero_rudder_and_dead_points() {
         let zero = linkage().zero_rudder_crank_rad();
         assert!((zero + 0.0191473).abs() < 5e-8, "{zero}");
-        assert!(linkage().angles(zero).1.abs() < 1e-15);
+        assert!(linkage().at(zero).rudder_rad().abs() < 1e-15);
         let ((crank, rudder), (crank2, rudder2)) = linkage().dead_points().unwrap();
         assert!((crank.to_degrees() + 116.34).abs() < 0.005);
         assert!((rudder.to_degrees() + 42.30).abs() < 0.005);
@@ -215,7 +210,7 @@ mod tests {
         assert!((rudder2.to_degrees() - 27.81).abs() < 0.005);
         assert!(linkage().at(crank2).rudder_ratio.abs() < 1e-9);
         // At a dead point crank and link lie in line; link and arm still stand apart.
-        assert!(linkage().transmission(crank2) > 0.6);
+        assert!(linkage().at(crank2).transmission() > 0.6);
         assert_eq!(linkage().crank_for_rudder(rudder2 + 1e-6), None);
     }
 
@@ -228,7 +223,7 @@ mod tests {
         for i in -65..=65 {
             let x = f64::to_radians(f64::from(i));
             let fit = coefficients.iter().rev().fold(0.0, |sum, c| sum * x + c);
-            worst = worst.max((fit - linkage().angles(x).1).abs());
+            worst = worst.max((fit - linkage().at(x).rudder_rad()).abs());
         }
         assert!((2.0e-4..2.5e-4).contains(&worst), "{worst}");
     }
@@ -240,13 +235,13 @@ mod tests {
         fn derivatives_match_differences(crank in -3.2..3.2_f64) {
             let linkage = linkage();
             let state = linkage.at(crank);
-            let residual = residual(&linkage, [crank, state.link_rad, state.rudder_rad]);
+            let residual = residual(&linkage, [crank, state.link_rad(), state.rudder_rad()]);
             prop_assert!(residual[0].abs().max(residual[1].abs()) < 1e-15);
             let h = 1e-5;
             let (before, after) = (linkage.at(crank - h), linkage.at(crank + h));
             let slope = |f: fn(&LinkageState) -> f64| (f(&after) - f(&before)) / (2.0 * h);
-            prop_assert!((slope(|s| s.link_rad) - state.link_ratio).abs() < 1e-8);
-            prop_assert!((slope(|s| s.rudder_rad) - state.rudder_ratio).abs() < 1e-8);
+            prop_assert!((slope(|s| s.link_rad()) - state.link_ratio).abs() < 1e-8);
+            prop_assert!((slope(|s| s.rudder_rad()) - state.rudder_ratio).abs() < 1e-8);
             prop_assert!((slope(|s| s.link_ratio) - state.link_curvature).abs() < 1e-8);
             prop_assert!((slope(|s| s.rudder_ratio) - state.rudder_curvature).abs() < 1e-8);
         }
@@ -254,7 +249,7 @@ mod tests {
         #[test]
         fn the_inverse_is_one(crank in -1.1..1.1_f64) {
             let linkage = linkage();
-            let back = linkage.crank_for_rudder(linkage.angles(crank).1).unwrap();
+            let back = linkage.crank_for_rudder(linkage.at(crank).rudder_rad()).unwrap();
             prop_assert!((back - crank).abs() < 1e-13);
         }
     }

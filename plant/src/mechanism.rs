@@ -9,18 +9,8 @@
 //!
 //! do not depend on `th0`, and the momentum `p0 = M00 w0 + M01 v1` obeys `dp0/dt = Q0`.
 
-use nalgebra::Vector2;
-
-use crate::linkage::{Linkage, LinkageState};
+use crate::linkage::{Linkage, LinkageState, Planar, turned};
 use crate::parameters::{Checked, Parameters};
-
-/// A vector in the plane, in the frame of body 0.
-pub(crate) type Planar = Vector2<f64>;
-
-/// `J v`: the vector turned by +90 deg.
-pub(crate) fn turned(v: Planar) -> Planar {
-    Planar::new(-v.y, v.x)
-}
 
 /// The four bodies and their linkage: valid parameters, ready to be evaluated.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,7 +22,7 @@ pub struct Mechanism {
 /// The mechanism at one crank angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Configuration {
-    /// The linkage's angles, ratios and curvatures.
+    /// The linkage's directions, ratios and curvatures.
     pub linkage: LinkageState,
     /// Inertia about the pivot, in kg m2.
     pub m00: f64,
@@ -97,7 +87,7 @@ impl Mechanism {
         let linkage = self.linkage.at(crank_rad);
         let (g2, g3) = (linkage.link_ratio, linkage.rudder_ratio);
         let (h2, h3) = (linkage.link_curvature, linkage.rudder_curvature);
-        let [u1, u2, u3] = directions(crank_rad, linkage.link_rad, linkage.rudder_rad);
+        let [u1, u2, u3] = [linkage.crank, linkage.link, linkage.arm];
         let (servo, rudder) = (Planar::from(p.servo_axis_m()), Planar::from(p.rudder_axis_m));
         let half = p.link_length_m / 2.0;
 
@@ -143,7 +133,7 @@ impl Mechanism {
             first_moment_slope += mass * slope;
         }
 
-        let (force, arm) = wash(p, u3, linkage.rudder_rad);
+        let (force, arm) = wash(p, u3);
         let thrust = Planar::new(0.0, p.thrust_n);
         Configuration {
             linkage,
@@ -191,19 +181,13 @@ impl Mechanism {
     }
 }
 
-/// Unit vectors of crank, link and rudder arm: `R(th1)(0,1)`, `R(th2)(-1,0)`, `R(th3)(0,1)`.
-fn directions(crank: f64, link: f64, rudder: f64) -> [Planar; 3] {
-    let ((s1, c1), (s2, c2), (s3, c3)) = (crank.sin_cos(), link.sin_cos(), rudder.sin_cos());
-    [Planar::new(-s1, c1), Planar::new(-c2, -s2), Planar::new(-s3, c3)]
-}
-
 /// Force of the wash on the rudder and the lever from the rudder axis to where it acts.
 ///
 /// The rudder is a plate in the wash: the force stands on it and grows with the sine of its angle.
-fn wash(p: &Parameters, u3: Planar, rudder_rad: f64) -> (Planar, Planar) {
-    let (sin, cos) = rudder_rad.sin_cos();
+fn wash(p: &Parameters, arm: Planar) -> (Planar, Planar) {
+    let (sin, cos) = (-arm.x, arm.y);
     let normal = p.wash_efficiency * p.thrust_n * sin;
-    (-normal * Planar::new(cos, sin), -p.pressure_centre_m * u3)
+    (-normal * Planar::new(cos, sin), -p.pressure_centre_m * arm)
 }
 
 #[cfg(test)]

@@ -306,8 +306,7 @@ mod tests {
         let state = p.linkage().at(0.0);
         let [ox, oy] = p.servo_axis_m();
         let half = p.link_length_m / 2.0;
-        let link =
-            [ox - half * state.link_rad.cos(), oy + p.crank_length_m - half * state.link_rad.sin()];
+        let link = [ox + half * state.link.x, oy + p.crank_length_m + half * state.link.y];
         for (axis, link) in link.into_iter().enumerate() {
             let moment = p.body_mass_kg * p.body_cm_m[axis]
                 + p.crank_mass_kg * p.servo_axis_m()[axis]

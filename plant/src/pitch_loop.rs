@@ -184,8 +184,6 @@ pub struct Sample {
     pub rate_rad_s: f64,
     /// The crank.
     pub crank: Crank,
-    /// Rudder angle, in rad.
-    pub rudder_rad: f64,
     /// The law's last crank command, in rad.
     pub command_rad: f64,
 }
@@ -314,7 +312,6 @@ impl PitchLoop {
             pitch_rad: self.drone.pitch_rad(),
             rate_rad_s: self.drone.rate_rad_s(),
             crank: self.drone.crank(),
-            rudder_rad: self.drone.rudder_rad(),
             command_rad: self.command_rad,
         }
     }

@@ -190,7 +190,7 @@ impl TwoAxisDrone {
 
     /// Rudder angles, rad.
     pub fn rudder_rad(&self) -> [f64; 2] {
-        self.shape.linkages.map(|at| at.linkage.rudder_rad)
+        self.shape.linkages.map(|at| at.linkage.rudder_rad())
     }
 
     /// Torques of wash and gravity on the cranks, in N m.

@@ -106,7 +106,7 @@ fn a_pendulum_rests_where_its_weight_balances_the_wash() {
         let acc = mechanism.accelerations(&rest.state, rest.torque_n_m);
         assert!(acc[0].abs() < 1e-11 && acc[1].abs() < 1e-9, "{acc:?}");
         // Positive rudder turns the drone clockwise until its weight holds it.
-        let rudder = mechanism.linkage().at(crank).rudder_rad;
+        let rudder = mechanism.linkage().at(crank).rudder_rad();
         assert!(rest.state.pitch_rad * rudder < 0.0);
         assert!(rest.state.pitch_rad.abs() < 1.2);
     }

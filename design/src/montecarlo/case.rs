@@ -123,12 +123,15 @@ pub fn rerun(options: &Rerun) -> Result<Verdict> {
     let written = options.out.as_ref().map_or(Ok(()), |out| {
         let mut text =
             String::from("time_s,pitch_rad,rate_rad_s,crank_rad,rudder_rad,command_rad\n");
+        let linkage = case.setup.drone.linkage();
         for s in &motion {
+            let (crank_rad, command_rad) = (s.crank.angle_rad, s.command_rad);
+            let rudder_rad = linkage.at(crank_rad).rudder_rad();
             // Writing to a string does not fail.
             let _ = writeln!(
                 text,
-                "{},{},{},{},{},{}",
-                s.time_s, s.pitch_rad, s.rate_rad_s, s.crank.angle_rad, s.rudder_rad, s.command_rad
+                "{},{},{},{crank_rad},{rudder_rad},{command_rad}",
+                s.time_s, s.pitch_rad, s.rate_rad_s
             );
         }
         write_whole(out, text.as_bytes())

@@ -248,7 +248,7 @@ impl Scenario {
 /// Whether the crank can stand at an angle (rad).
 fn closes(linkage: &Linkage, crank_rad: f64) -> bool {
     // Where the bars do not meet, the transmission is not a number and the comparison is false.
-    linkage.transmission(crank_rad) > LEAST_TRANSMISSION
+    linkage.at(crank_rad).transmission() > LEAST_TRANSMISSION
 }
 
 /// A load over time: straight between points.
@@ -272,8 +272,8 @@ fn rows(mechanism: &Mechanism, times: &[f64], states: Vec<[f64; 4]>) -> Rows {
                 t,
                 theta0,
                 theta1,
-                theta2: at.link_rad,
-                theta3: at.rudder_rad,
+                theta2: at.link_rad(),
+                theta3: at.rudder_rad(),
                 w0,
                 w1,
                 w2: at.link_ratio * w1,

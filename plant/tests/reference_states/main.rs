@@ -27,8 +27,8 @@ fn newton_euler_matches_the_reference_states() {
             crank_rate_rad_s: row["w1"],
         };
         let linkage = mechanism.linkage().at(state.crank_rad);
-        assert!((linkage.link_rad - row["theta2"]).abs() < 1e-13);
-        assert!((linkage.rudder_rad - row["theta3"]).abs() < 1e-13);
+        assert!((linkage.link_rad() - row["theta2"]).abs() < 1e-13);
+        assert!((linkage.rudder_rad() - row["theta3"]).abs() < 1e-13);
         let solution = newton_euler::dynamics(&mechanism, &state, row["tau"]).unwrap();
         let forces = [
             ("D", solution.pivot),
@@ -72,8 +72,8 @@ fn constraint_sweep_is_exact() {
             );
         };
         near(crank, "theta1");
-        near(at.link_rad, "theta2");
-        near(at.rudder_rad, "theta3");
+        near(at.link_rad(), "theta2");
+        near(at.rudder_rad(), "theta3");
         near(rate, "w1");
         near(at.link_ratio * rate, "w2");
         near(at.rudder_ratio * rate, "w3");
@@ -103,8 +103,8 @@ fn gravity_only_is_a_pendulum() {
         for (name, value) in [
             ("theta0", state[0]),
             ("theta1", state[1]),
-            ("theta2", at.link_rad),
-            ("theta3", at.rudder_rad),
+            ("theta2", at.link_rad()),
+            ("theta3", at.rudder_rad()),
             ("w0", state[2]),
             ("w1", state[3]),
         ] {
@@ -194,7 +194,8 @@ fn places(p: &Parameters, pitch: f64, crank: f64) -> Places {
         [cos * x - sin * y, sin * x + cos * y]
     };
     let add = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1] + b[1]];
-    let (link, rudder) = p.linkage().angles(crank);
+    let at = p.linkage().at(crank);
+    let (link, rudder) = (at.link_rad(), at.rudder_rad());
     let servo = p.servo_axis_m();
     let crank_cm = add(servo, turn([0.0, p.crank_cm_m], crank));
     let end = add(servo, turn([0.0, p.crank_length_m], crank));

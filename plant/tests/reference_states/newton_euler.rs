@@ -82,8 +82,8 @@ fn equations(mechanism: &Mechanism, state: &State, torque_n_m: f64) -> (Matrix, 
 
     let turn = |angle: f64, x: f64, y: f64| nalgebra::Rotation2::new(angle) * Planar::new(x, y);
     let u1 = turn(at.crank_rad, 0.0, 1.0);
-    let u2 = turn(at.link_rad, -1.0, 0.0);
-    let u3 = turn(at.rudder_rad, 0.0, 1.0);
+    let u2 = turn(at.link_rad(), -1.0, 0.0);
+    let u3 = turn(at.rudder_rad(), 0.0, 1.0);
     let (r_o, r_c) = (Planar::from(p.servo_axis_m()), Planar::from(p.rudder_axis_m));
     let (r0, thrust_at) = (Planar::from(p.body_cm_m), Planar::from(p.thrust_point_m));
     let (q1, q3) = (p.crank_cm_m * u1, p.rudder_cm_m * u3);
@@ -93,7 +93,7 @@ fn equations(mechanism: &Mechanism, state: &State, torque_n_m: f64) -> (Matrix, 
     let (sin, cos) = state.pitch_rad.sin_cos();
     let gravity = -p.gravity_m_s2 * Planar::new(sin, cos);
     let thrust = Planar::new(0.0, p.thrust_n);
-    let (sin, cos) = at.rudder_rad.sin_cos();
+    let (sin, cos) = at.rudder_rad().sin_cos();
     let normal = p.wash_efficiency * p.thrust_n * sin;
     let wash_force = -normal * Planar::new(cos, sin);
     let wash_at = -p.pressure_centre_m * u3;
@@ -151,10 +151,9 @@ fn equations(mechanism: &Mechanism, state: &State, torque_n_m: f64) -> (Matrix, 
         system.matrix[(12, ACC + column)] = turned.x;
         system.matrix[(13, ACC + column)] = turned.y;
     }
-    let gamma =
-        mechanism.linkage().centripetal([at.crank_rad, at.link_rad, at.rudder_rad], [v1, v2, v3]);
-    system.right[12] = gamma[0];
-    system.right[13] = gamma[1];
+    let centripetal = v1 * v1 * a1 + v2 * v2 * link - v3 * v3 * arm;
+    system.right[12] = centripetal.x;
+    system.right[13] = centripetal.y;
     (system.matrix, system.right)
 }
 

@@ -27,11 +27,11 @@ fn deviations(mechanism: &Mechanism) -> Vec<Deviation> {
     // A crank at 0.5 rad turning evenly at 5 rad/s.
     let (crank, rate) = (0.5, 5.0);
     let at = mechanism.linkage().at(crank);
-    let angles = [crank, at.link_rad, at.rudder_rad];
+    let angles = [crank, at.link_rad(), at.rudder_rad()];
     let rates = [rate, at.link_ratio * rate, at.rudder_ratio * rate];
     let slave = |gamma: [f64; 2]| {
         let ((s2, c2), det) =
-            (at.link_rad.sin_cos(), p.arm_length_m * (at.link_rad - at.rudder_rad).cos());
+            (at.link_rad().sin_cos(), p.arm_length_m * (at.link_rad() - at.rudder_rad()).cos());
         (c2 * gamma[0] + s2 * gamma[1]) / det
     };
 
@@ -49,7 +49,7 @@ fn deviations(mechanism: &Mechanism) -> Vec<Deviation> {
         // Signs of the constraint's centripetal terms: rudder acceleration, rad/s2.
         Deviation {
             printed: slave(printed_centripetal(p, angles, rates)),
-            right: slave(mechanism.linkage().centripetal(angles, rates)),
+            right: at.rudder_curvature * rate * rate,
         },
     ]
 }

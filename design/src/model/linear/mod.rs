@@ -53,7 +53,7 @@ fn analyse(options: &Linear) -> Result<Analysis> {
     Ok(Analysis {
         point,
         torque_n_m,
-        rudder_rad: mechanism.linkage().at(point.crank_rad).rudder_rad,
+        rudder_rad: mechanism.linkage().at(point.crank_rad).rudder_rad(),
         residual_rad_s2: mechanism.accelerations(&point, torque_n_m),
         model: linearise(&mechanism, &point, torque_n_m),
         gains,

@@ -31,8 +31,8 @@ fn linkage(p: &Parameters, axis: usize, crank_rad: f64) -> Vec<Point> {
     let at = p.linkage().at(crank_rad);
     let [u1, u2, u3] = [
         turned(crank_rad, 0.0, 1.0),
-        turned(at.link_rad, -1.0, 0.0),
-        turned(at.rudder_rad, 0.0, 1.0),
+        turned(at.link_rad(), -1.0, 0.0),
+        turned(at.rudder_rad(), 0.0, 1.0),
     ];
     let pin = Vector2::from(p.rudder_axis_m);
     let servo = pin + Vector2::new(p.ground_length_m, 0.0);
@@ -147,7 +147,7 @@ impl Motion {
             .sum();
         let mut moment = self.attitude.inverse() * weight;
         for axis in [0, 1] {
-            let rudder_rad = p.linkage().at(self.cranks[axis].angle_rad).rudder_rad;
+            let rudder_rad = p.linkage().at(self.cranks[axis].angle_rad).rudder_rad();
             let plate = turned(rudder_rad, 1.0, 0.0) * -p.wash_efficiency * p.thrust_n;
             let below = turned(rudder_rad, 0.0, -p.pressure_centre_m);
             let at = body(axis, Vector2::from(p.rudder_axis_m) + below);
