@@ -44,7 +44,7 @@ pub fn smooth<F: Filter>(
     config: &Config<F::Gains>,
     samples: &[TimedSample],
 ) -> Result<Vec<Attitude<F::Real>>, ConfigError> {
-    // It makes up for the delay of a single pass. Both directions have none.
+    // The lag makes up for the delay of a single pass. Two directions together have none.
     let config = Config { acc_lag_s: 0.0, ..*config };
     let mut learning = Estimator::<F>::new(&config)?;
     for TimedSample { dt_s, sample } in samples {

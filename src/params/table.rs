@@ -326,8 +326,8 @@ parameters! {
     /// 0: in control the gyroscope alone turns the attitude, as a vehicle in free flight needs it;
     /// 1: the accelerometer corrects it, as one that hangs needs it
     ["free-flight"] fuse_acc: "FUSE_ACC", "", OneOf(&[0.0, 1.0]), 1.0, Disarmed;
-    /// shift of the gyroscope's offset by an acceleration of 1 g, but for GYR_PER_G_X to Z: by it
-    /// tilt_sd grows
+    /// deviation of the shift of the gyroscope's offset by 1 g from GYR_PER_G_X and GYR_PER_G_Y;
+    /// tilt_sd grows by it
     ["free-flight"] gyr_per_g: "GYR_PER_G", "deg/s", Between(0.0, 1.0), 0.1, Live;
     /// shift of the rate about the body's x by 1 g from tail to nose
     ["free-flight"] gyr_per_g_x: "GYR_PER_G_X", "deg/s", Between(-1.0, 1.0), 0.0, Disarmed;
