@@ -46,10 +46,10 @@ impl TwoAxisDrone {
         (self.shape.inverse * load).into()
     }
 
-    /// Whether the drone lies against a stop of the tether.
+    /// Whether the drone lies against a stop of the tether, but for rounding.
     fn at_stop(&self) -> bool {
         let [pitch, roll] = self.tilt_rad();
-        pitch.hypot(roll) >= self.stop_rad
+        pitch.hypot(roll) >= self.stop_rad - 1e-12
     }
 
     /// Angular momentum about the pivot in the earth's axes, without that of the rotors, kg m2/s.
