@@ -174,8 +174,8 @@ fn calibrations(params: &Params) -> [Calibration; 3] {
     [acc, gyr, mag]
 }
 
-/// The whole number next to `value`; the nearest that there is where it is too large. The conversion
-/// stands in the image once.
+/// The whole number next to `value`; the nearest that there is where it is too large. The image has
+/// the conversion once.
 #[inline(never)]
 pub(crate) fn nearest(value: f32) -> i16 {
     (value + 0.5_f32.copysign(value)) as i16

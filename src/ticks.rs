@@ -106,6 +106,11 @@ impl Timing {
         if alone { self.skipped_us() } else { 0 }
     }
 
+    /// How long after its tick a burst reads the second rate, which says whether all are new, us.
+    pub const fn second_rate_us(&self) -> u32 {
+        self.skipped_us() + (FRAMING_BYTES + 2) * (self.byte_us() + self.stretch_us)
+    }
+
     /// How long after its tick a burst, of the rates `alone` or whole, may be over and still be in
     /// time for its step, us.
     pub const fn burst_limit_us(&self, alone: bool) -> u32 {

@@ -72,7 +72,7 @@ def tuned(folder, servo):
     Whether all flights meet what is asked, or the gains were refused, and what was seen.
     """
     gains = ["tune", "--servo", servo, "--vehicle", "found.toml", "--out", "gains.param", "--json"]
-    status, text = tvc(folder, *gains, "--settling", str(RATIO), "--overshoot", "5")
+    status, text = tvc(folder, *gains, "--settling", str(RATIO), "--overshoot", "3")
     if status == 1:
         return "refused", ", ".join(json.loads(text)["missed"])
     fly = ["fly", "--servo", servo, "--vehicle", "true.toml", "--params", "gains.param", "--json"]

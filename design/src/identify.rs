@@ -1,6 +1,7 @@
 //! `tvc identify`: thrust, inertia, servo speed and delay from a recorded run.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
+use std::f64::consts::TAU;
 use std::fmt::Write;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -13,8 +14,10 @@ use plant::Setup;
 use plant::identify::{
     Identification, IdentifyError, MOST_MISFIT_RAD, Reading, Record, identify, likeliest,
 };
+use rayon::prelude::*;
 use recordings::Lines;
 use rig::ServoKind;
+use tvc_imu::{RawSample, Refresh, Sample};
 use tvc_nano::Axis;
 use tvc_nano::ticks::TickPlan;
 
@@ -26,6 +29,14 @@ use report::file::write_whole;
 use report::kind;
 use report::measure::{Figures, data, figure, rows, some};
 use report::progress;
+
+/// Periods that are tried, within 2 % of the likely one.
+const PERIODS: u32 = 1000;
+/// Less than the period of any sensor's refresh, s.
+const LEAST_PERIOD_S: f64 = 1e-4;
+/// Share of the readings with new rates that the sensor's clock must explain: the counts of a rate
+/// change while it is read, or stay the same.
+const LEAST_TICKED: f64 = 0.9;
 
 /// Options of `tvc identify`.
 #[derive(Debug, Args)]
@@ -180,7 +191,8 @@ pub fn read(path: &Path, release: Option<usize>, axis: Axis) -> Result<Vec<Recor
     let mut reader = csv::Reader::from_reader(Lines::new(file));
     let head = reader.headers().map_err(|error| BadInput::of(path, error))?;
     let columns = Columns::of(head).map_err(|error| BadInput::of(path, error))?;
-    let mut record = Record::default();
+    let is_summed = matches!(columns, Columns::Steps(_));
+    let mut record = Record { is_summed, ..Record::default() };
     // Not the number of the record: blank lines are none.
     let line = |row: &StringRecord| row.position().map_or(0, |at| at.line());
     for row in reader.records() {
@@ -196,14 +208,10 @@ pub fn read(path: &Path, release: Option<usize>, axis: Axis) -> Result<Vec<Recor
 /// there. A reading has the time at which the sensor refreshed its rates.
 fn of_release(flight: &Flight, release: &Release<'_>, axis: Axis) -> Vec<Record> {
     let timing = release.params.timing();
-    // A burst reads the rates last.
-    let read_us = u64::from(timing.later_us(true));
-    let mut refresh = release.params.refresh();
     let samples = flight.steps().filter_map(|step| step.sample);
-    let refreshed_us: HashMap<u64, u64> = samples
-        .filter_map(|raw| Some((raw.time.0, refresh.read(raw).rates?.age_us)))
-        .map(|(time_us, age_us)| (time_us, (time_us + read_us).saturating_sub(age_us.into())))
-        .collect();
+    let times_us = release.steps.iter().filter_map(|step| Some(step.sample?.time.0));
+    let refreshed_us = refreshes_us(release.params.refresh(), samples, &times_us.collect());
+    let read_us = f64::from(timing.second_rate_us());
 
     let [first, own] = [Axis::Pitch, axis].map(|axis| release.params.fitting(axis));
     let turned = f64::from(first.direction * own.direction);
@@ -223,8 +231,12 @@ fn of_release(flight: &Flight, release: &Release<'_>, axis: Axis) -> Vec<Record>
         let Some(sample) = step.sample else { continue };
         let at_us = sample.time.0;
         if let Some(refreshed_us) = refreshed_us.get(&at_us) {
-            let time_s = *refreshed_us as f64 * 1e-6;
-            readings.push(Reading { time_s, pitch_rad, rate_rad_s: rate_rad_s.into() });
+            let time_s = (refreshed_us + read_us) * 1e-6;
+            let rate_rad_s = rate_rad_s.into();
+            // Rates that changed while they were read count as new twice.
+            if readings.last().is_none_or(|last: &Reading| last.time_s + LEAST_PERIOD_S < time_s) {
+                readings.push(Reading { time_s, pitch_rad, rate_rad_s });
+            }
         }
         pulses.push((at_us, pulse_us));
     }
@@ -236,8 +248,83 @@ fn of_release(flight: &Flight, release: &Release<'_>, axis: Axis) -> Vec<Record>
         own.map(|(at_us, pulse_us)| ((at_us + lead_us) as f64 * 1e-6, *pulse_us)).collect()
     };
     (0..per_frame)
-        .map(|phase| Record { readings: readings.clone(), pulses: carried(phase) })
+        .map(|phase| Record { readings: readings.clone(), pulses: carried(phase), is_summed: true })
         .collect()
+}
+
+/// When the sensor refreshed the new rates of the samples at these times, us: by the clock that
+/// explains nearly all of them, or by the rates' ages where none does.
+fn refreshes_us(
+    mut refresh: Refresh,
+    samples: impl Iterator<Item = RawSample>,
+    times_us: &HashSet<u64>,
+) -> HashMap<u64, f64> {
+    let mut ages_us = HashMap::new();
+    let mut seen = Vec::new();
+    let (mut before_us, mut about_us) = (None, 0.0);
+    for raw in samples {
+        let now_us = raw.time.0;
+        let Sample { rates, refresh_us, .. } = refresh.read(raw);
+        if let (Some(rates), true) = (rates, times_us.contains(&now_us)) {
+            ages_us.insert(now_us, now_us as f64 - f64::from(rates.age_us));
+            seen.extend(before_us.map(|before_us| (before_us, now_us)));
+        }
+        (before_us, about_us) = (Some(now_us), f64::from(refresh_us));
+    }
+    match Clock::of(&seen, about_us) {
+        Some(clock) => ages_us.into_keys().map(|at_us| (at_us, clock.before(at_us))).collect(),
+        None => ages_us,
+    }
+}
+
+/// A clock that runs evenly.
+#[derive(Debug, Clone, Copy)]
+struct Clock {
+    period_us: f64,
+    tick_us: f64,
+}
+
+impl Clock {
+    /// The clock with about this period, us, that ticked in nearly all of the spans, us; of several
+    /// the middle one.
+    fn of(spans: &[(u64, u64)], about_us: f64) -> Option<Self> {
+        let middle_us = spans.get(spans.len() / 2)?.1 as f64;
+        let steps = |from: f64, to: f64, count: u32| {
+            (0..count).map(move |i| from + (to - from) * f64::from(i) / f64::from(count))
+        };
+        let ticked = |clock: &Self| {
+            let holds = |(after, until): &&(u64, u64)| clock.before(*until) > *after as f64;
+            spans.iter().filter(holds).count()
+        };
+        let best = |clocks: Vec<Self>| {
+            let counts: Vec<usize> = clocks.par_iter().map(ticked).collect();
+            let most = counts.iter().max().copied().unwrap_or_default();
+            let best = clocks.into_iter().zip(counts).filter(move |(_, count)| *count == most);
+            (most, best.map(|(clock, _)| clock).collect::<Vec<_>>())
+        };
+        let ticks = |period_us: f64, count| {
+            steps(0.0, period_us, count)
+                .map(move |phase_us| Self { period_us, tick_us: middle_us + phase_us })
+        };
+        let periods = steps(0.98 * about_us, 1.02 * about_us, PERIODS);
+        let (most, likely) = best(periods.flat_map(|period_us| ticks(period_us, 50)).collect());
+        if (most as f64) < LEAST_TICKED * spans.len() as f64 {
+            return None;
+        }
+        let period_us =
+            likely.iter().map(|clock| clock.period_us).sum::<f64>() / likely.len() as f64;
+        let (_, likely) = best(ticks(period_us, 500).collect());
+        // The mean of phases, which go round.
+        let angles = likely.iter().map(|clock| TAU * (clock.tick_us - middle_us) / period_us);
+        let [x, y] = [f64::cos, f64::sin].map(|part| angles.clone().map(part).sum::<f64>());
+        Some(Self { period_us, tick_us: middle_us + y.atan2(x) * period_us / TAU })
+    }
+
+    /// Its newest tick at a time, us.
+    fn before(&self, at_us: u64) -> f64 {
+        let at_us = at_us as f64;
+        at_us - (at_us - self.tick_us).rem_euclid(self.period_us)
+    }
 }
 
 /// Adds a row to the record. Empty cells are left out.

@@ -1,7 +1,7 @@
 //! Parameters from recorded runs: thrust, inertia, servo speed and sensor delay.
 //!
 //! The pulses of a record drive the model of servo and drone. The search moves the parameters until
-//! the model's pitch and rate, seen through the sensor's delay, match the record. Each record has
+//! the model's pitch and rate, seen through the sensor, match the record. Each record has
 //! its own pitch and rate at the start and its own time of the release, which are estimated along,
 //! as is the horn's fitting: the drone integrates their errors twice.
 //!
@@ -53,6 +53,9 @@ pub struct Record {
     /// Servo pulses `(rising edge in s, width in us)` in order, on the same clock. One before the
     /// start says where the rudder stood.
     pub pulses: Vec<(f64, f64)>,
+    /// Whether a pitch is the sum of the rates, each over the time since the reading before, as the
+    /// firmware estimates it; else the sensor measured it.
+    pub is_summed: bool,
 }
 
 /// Why a record cannot be used.
@@ -165,7 +168,7 @@ pub fn likeliest(nominal: &Setup, records: Vec<Record>) -> Result<Record, Identi
 
 /// Whether a record can be used.
 fn check(record: &Record) -> Result<(), IdentifyError> {
-    let Record { readings, pulses } = record;
+    let Record { readings, pulses, .. } = record;
     if readings.len() < FEWEST_SAMPLES || pulses.len() < 2 {
         return Err(IdentifyError::TooShort { found: readings.len(), pulses: pulses.len() });
     }
