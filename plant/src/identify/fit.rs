@@ -24,8 +24,8 @@ const HUBER: f64 = 3.0;
 /// By how much more than noise the estimates are off, for what the model lacks: with it, 19 of 20
 /// true values of vehicles on the rig lie within two deviations.
 const MODEL: f64 = 4.5;
-/// Noise of pitch, rad, and rate, rad/s, at least: an attitude is off by 1 mrad even where it is the
-/// sum of the rates, whose errors it repeats.
+/// Noise of pitch, rad, and rate, rad/s, at least: an attitude is off by 1 mrad even where it is
+/// the sum of the rates, whose errors it repeats.
 const LEAST_NOISE: [f64; 2] = [1e-3, 1e-4];
 /// Residuals that correlate by less than this are independent.
 const INDEPENDENT: f64 = 0.05;
