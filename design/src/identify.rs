@@ -1,7 +1,8 @@
 //! `tvc identify`: thrust, inertia, servo speed and delay from a recorded run.
 
+mod clock;
+
 use std::collections::{HashMap, HashSet};
-use std::f64::consts::TAU;
 use std::fmt::Write;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -14,13 +15,13 @@ use plant::Setup;
 use plant::identify::{
     Identification, IdentifyError, MOST_MISFIT_RAD, Reading, Record, identify, likeliest,
 };
-use rayon::prelude::*;
 use recordings::Lines;
 use rig::ServoKind;
 use tvc_imu::{RawSample, Refresh, Sample};
 use tvc_nano::Axis;
 use tvc_nano::ticks::TickPlan;
 
+use self::clock::Clock;
 use crate::vehicle::{Vehicle, VehicleChoice};
 use flights::arguments::AxisName;
 use flights::log::{Flight, Release};
@@ -30,13 +31,8 @@ use report::kind;
 use report::measure::{Figures, data, figure, rows, some};
 use report::progress;
 
-/// Periods that are tried, within 2 % of the likely one.
-const PERIODS: u32 = 1000;
 /// Less than the period of any sensor's refresh, s.
 const LEAST_PERIOD_S: f64 = 1e-4;
-/// Share of the readings with new rates that the sensor's clock must explain: the counts of a rate
-/// change while it is read, or stay the same.
-const LEAST_TICKED: f64 = 0.9;
 
 /// Options of `tvc identify`.
 #[derive(Debug, Args)]
@@ -274,56 +270,6 @@ fn refreshes_us(
     match Clock::of(&seen, about_us) {
         Some(clock) => ages_us.into_keys().map(|at_us| (at_us, clock.before(at_us))).collect(),
         None => ages_us,
-    }
-}
-
-/// A clock that runs evenly.
-#[derive(Debug, Clone, Copy)]
-struct Clock {
-    period_us: f64,
-    tick_us: f64,
-}
-
-impl Clock {
-    /// The clock with about this period, us, that ticked in nearly all of the spans, us; of several
-    /// the middle one.
-    fn of(spans: &[(u64, u64)], about_us: f64) -> Option<Self> {
-        let middle_us = spans.get(spans.len() / 2)?.1 as f64;
-        let steps = |from: f64, to: f64, count: u32| {
-            (0..count).map(move |i| from + (to - from) * f64::from(i) / f64::from(count))
-        };
-        let ticked = |clock: &Self| {
-            let holds = |(after, until): &&(u64, u64)| clock.before(*until) > *after as f64;
-            spans.iter().filter(holds).count()
-        };
-        let best = |clocks: Vec<Self>| {
-            let counts: Vec<usize> = clocks.par_iter().map(ticked).collect();
-            let most = counts.iter().max().copied().unwrap_or_default();
-            let best = clocks.into_iter().zip(counts).filter(move |(_, count)| *count == most);
-            (most, best.map(|(clock, _)| clock).collect::<Vec<_>>())
-        };
-        let ticks = |period_us: f64, count| {
-            steps(0.0, period_us, count)
-                .map(move |phase_us| Self { period_us, tick_us: middle_us + phase_us })
-        };
-        let periods = steps(0.98 * about_us, 1.02 * about_us, PERIODS);
-        let (most, likely) = best(periods.flat_map(|period_us| ticks(period_us, 50)).collect());
-        if (most as f64) < LEAST_TICKED * spans.len() as f64 {
-            return None;
-        }
-        let period_us =
-            likely.iter().map(|clock| clock.period_us).sum::<f64>() / likely.len() as f64;
-        let (_, likely) = best(ticks(period_us, 500).collect());
-        // The mean of phases, which go round.
-        let angles = likely.iter().map(|clock| TAU * (clock.tick_us - middle_us) / period_us);
-        let [x, y] = [f64::cos, f64::sin].map(|part| angles.clone().map(part).sum::<f64>());
-        Some(Self { period_us, tick_us: middle_us + y.atan2(x) * period_us / TAU })
-    }
-
-    /// Its newest tick at a time, us.
-    fn before(&self, at_us: u64) -> f64 {
-        let at_us = at_us as f64;
-        at_us - (at_us - self.tick_us).rem_euclid(self.period_us)
     }
 }
 
