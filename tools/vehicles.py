@@ -69,25 +69,29 @@ def identified(folder, servo, truth, seed):
 def tuned(folder, servo):
     """Tunes for the vehicle that was found and flies the true one from 0.1 to 0.8 rad.
 
-    Whether all flights meet what is asked, or the gains were refused, and what was seen.
+    Whether all flights met what is asked, else whether `tune` had said so, and what was seen.
     """
     gains = ["tune", "--servo", servo, "--vehicle", "found.toml", "--out", "gains.param", "--json"]
-    status, text = tvc(folder, *gains, "--settling", str(RATIO), "--overshoot", "3")
-    if status == 1:
-        return "refused", ", ".join(json.loads(text)["missed"])
+    status, text = tvc(folder, *gains, "--settling", str(RATIO), "--anyway")
     fly = ["fly", "--servo", servo, "--vehicle", "true.toml", "--params", "gains.param", "--json"]
     fly += ["--seed", "1000", "--seeds", "24"]
     runs = []
     for starts in [["--start", "0.1"], []]:
         runs += json.loads(tvc(folder, *fly, *starts)[1])["distribution"]
-    # A flight that does not settle has no figure.
-    ratio, overshoot, settling = (
-        max(run[name][kind] or math.inf for run in runs)
-        for name, kind in [("ratio", "p95"), ("overshoot_pct", "worst"), ("settling_5pct_s", "worst")]
-    )
-    is_met = ratio <= RATIO and overshoot <= OVERSHOOT_PCT and settling <= SETTLING_S
+
+    def largest(name, kind):
+        # A flight that does not settle has no figure.
+        return max(run[name][kind] or math.inf for run in runs)
+
+    ratio = largest("ratio", "p95")
+    overshoot = largest("overshoot_pct", "worst")
+    settling = largest("settling_5pct_s", "worst")
     figures = f"ratio {ratio:.3f}, overshoot {overshoot:.1f} %, settling {settling:.2f} s"
-    return "met" if is_met else "missed", figures
+    if status == 1:
+        figures += ", tune missed " + ", ".join(json.loads(text)["missed"])
+    if ratio <= RATIO and overshoot <= OVERSHOOT_PCT and settling <= SETTLING_S:
+        return "met", figures
+    return "foreseen" if status == 1 else "missed", figures
 
 
 def main():
@@ -122,8 +126,8 @@ def main():
     print(f"within the stated 95 %: {sum(within)} of {len(within)}")
     if flown:
         count = collections.Counter(verdict for verdict, _ in flown)
-        print(f"of {len(flown)}: met when flown {count['met']}, missed {count['missed']}, "
-              f"gains refused {count['refused']}")
+        print(f"of {len(flown)}: {count['met']} met, {count['missed']} missed, and"
+              f" {count['foreseen']} missed as tune had said")
     sys.exit(0 if sum(within) >= 0.9 * len(within) else 1)
 
 
