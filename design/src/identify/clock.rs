@@ -71,7 +71,7 @@ mod tests {
     fn the_clock_is_found_from_which_readings_are_new() {
         let tick = |at_us: u64| ((at_us as f64 - 2_100.0) / 10_043.0).floor();
         let times = (1..400).map(|i| i * 6_667);
-        let is_new = |at_us: u64| tick(at_us) != tick(at_us - 6_667) || at_us % 30 == 0;
+        let is_new = |at_us: u64| tick(at_us) != tick(at_us - 6_667) || at_us.is_multiple_of(30);
         let spans: Vec<_> =
             times.filter(|at_us| is_new(*at_us)).map(|at_us| (at_us - 6_667, at_us)).collect();
         let clock = Clock::of(&spans, 10_000.0).unwrap();
